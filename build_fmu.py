@@ -1,0 +1,291 @@
+"""Build dist/DampedPendulum.fmu from fmu_src: the same sources give the same bytes.
+
+pythonfmu packs the sources; this program then repacks them reproducibly, adds what belongs into a FMU (documentation,
+licences, icon, a GUID derived from the contents) and refuses to leave a FMU that FMPy's validation complains about.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import html
+import re
+import shutil
+import struct
+import sys
+import tempfile
+import uuid
+import zipfile
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from math import hypot, inf
+from pathlib import Path
+from typing import NoReturn
+
+from fmpy.validation import validate_fmu
+from pythonfmu.builder import FmuBuilder
+
+ROOT = Path(__file__).resolve().parent
+SOURCES = ROOT / "fmu_src"
+sys.path.insert(0, str(SOURCES))
+
+from damped_pendulum import interface  # noqa: E402  # found through the line above
+from damped_pendulum.solvers import METHODS, SolverMethod, stability_limit  # noqa: E402
+
+PACKAGE = "damped_pendulum"
+DEFAULT_OUTPUT = ROOT / "dist" / f"{interface.MODEL_NAME}.fmu"
+NAMESPACE = uuid.UUID("5f0c5b1e-5d5c-4f0e-9b0a-3d9d3c1a7e42")  # of the GUIDs of this project
+
+
+class BuildError(Exception):
+    """A FMU that cannot be built, with everything that is wrong with it."""
+
+
+def build(output: Path = DEFAULT_OUTPUT, sources: Path = SOURCES) -> Path:
+    """Build the FMU from `sources` and return its path.
+
+    Raises
+    ------
+    BuildError : the result does not pass the validation; nothing is left at `output`
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        script = stage(sources, folder / "resources")
+        write_documentation(folder / "documentation")
+        packed = folder / output.name
+        with restored_imports():
+            FmuBuilder.build_FMU(
+                script,
+                dest=packed,
+                project_files=[script.parent / script.stem.removesuffix("_slave")],
+                documentation_folder=folder / "documentation",
+                canGetAndSetFMUstate=True,
+                canSerializeFMUstate=True,
+            )
+        entries = read_entries(packed) | {"model.png": icon()}
+        with_guid(entries)
+        write_entries(packed, entries)
+        problems = validate_fmu(str(packed))
+        if problems:
+            raise BuildError("\n".join(problems))
+        output.parent.mkdir(parents=True, exist_ok=True)
+        partial = output.with_name(f".{output.name}.partial")
+        shutil.copyfile(packed, partial)
+        partial.replace(output)
+    return output
+
+
+def stage(sources: Path, folder: Path) -> Path:
+    """Copy package and script into `folder` under names with a digest of the sources; return the script.
+
+    Modules are cached by name for the whole process of the importer, so two builds that share a name would share
+    the code of the first.
+    """
+    files = sorted(path for path in sources.rglob("*.py"))
+    digest = hashlib.sha256()
+    for path in files:
+        digest.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
+    package = f"{PACKAGE}_{digest.hexdigest()[:8]}"
+    shutil.copytree(sources / PACKAGE, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    script = folder / f"{package}_slave.py"
+    text, replaced = re.subn(
+        rf"^from {PACKAGE}\b", f"from {package}", (sources / "slave.py").read_text("utf-8"), flags=re.MULTILINE
+    )
+    if not replaced:
+        raise BuildError(f"slave.py imports nothing from {PACKAGE}")
+    script.write_text(text, "utf-8", newline="\n")
+    return script
+
+
+@contextmanager
+def restored_imports() -> Iterator[None]:
+    """Undo what pythonfmu's builder leaves in sys.path and sys.modules."""
+    path, modules = list(sys.path), set(sys.modules)
+    write_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        yield
+    finally:
+        sys.dont_write_bytecode = write_bytecode
+        sys.path[:] = path
+        for name in set(sys.modules) - modules:
+            if name.startswith(PACKAGE):
+                del sys.modules[name]
+
+
+def read_entries(archive: Path) -> dict[str, bytes]:
+    """Return the files of an archive by name."""
+    with zipfile.ZipFile(archive) as packed:
+        return {name: packed.read(name) for name in packed.namelist()}
+
+
+def with_guid(entries: dict[str, bytes]) -> None:
+    """Replace the GUID in modelDescription.xml by one that is derived from all the contents."""
+    name = "modelDescription.xml"
+    without = re.sub(rb'guid="[^"]*"', b'guid=""', entries[name])
+    digest = hashlib.sha256()
+    for entry, content in sorted((entries | {name: without}).items()):
+        digest.update(entry.encode() + b"\0" + hashlib.sha256(content).digest())
+    guid = uuid.uuid5(NAMESPACE, digest.hexdigest())
+    entries[name] = without.replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
+
+
+def write_entries(archive: Path, entries: dict[str, bytes]) -> None:
+    """Write an archive that depends on names and contents only."""
+    with zipfile.ZipFile(archive, "w") as packed:
+        for name, content in sorted(entries.items()):
+            info = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.create_system = 3  # the attributes below are Unix ones on every system
+            info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            packed.writestr(info, content)
+
+
+def variable_rows() -> list[Sequence[str]]:
+    """Return the table of the variables, header first."""
+    rows: list[Sequence[str]] = [("name", "type", "unit", "kind", "start", "allowed", "description")]
+    for variable in interface.VARIABLES:
+        start = "" if variable.start is None else repr(variable.start)
+        if isinstance(variable.start, SolverMethod):
+            start = f"{variable.start.name} ({variable.start.value})"
+        allowed = variable.range.text if variable.range else ""
+        unit = interface.unit_of(variable)
+        rows.append(
+            (variable.name, variable.type, unit, variable.causality, start, allowed, variable.description)
+        )
+    return rows
+
+
+def method_rows() -> list[Sequence[str]]:
+    """Return the table of the methods, header first; the limits are those of small swings."""
+    w02 = interface.DEFAULTS["g"] / interface.DEFAULTS["L"]
+    damping_rate = interface.DEFAULTS["gamma"] / interface.DEFAULTS["m"]
+    rows: list[Sequence[str]] = [
+        ("value", "solver.method", "order", "evaluations per substep", "stable to, undamped", "default", "stiff")
+    ]
+    for method in SolverMethod:
+        known = METHODS[method]
+        limits = [stability_limit(method, rate, w02) for rate in (0.0, damping_rate)]
+        stiff = "any step" if known.real_limit == inf else f"{known.real_limit:.4g} m/gamma"
+        shown = ["any step" if h == inf else "no step" if h == 0 else f"{h:.4g} s" for h in limits]
+        stages = "2 or more (Newton)" if known.stages is None else str(known.stages)
+        rows.append((str(method.value), method.name, str(known.order), stages, *shown, stiff))
+    return rows
+
+
+def markdown(rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    header, *body = rows
+    lines = [header, ["---"] * len(header), *body]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def html_table(rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in HTML."""
+
+    def line(tag: str, row: Sequence[str]) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in row) + "</tr>\n"
+
+    header, *body = rows
+    return f"<table>\n{line('th', header)}{''.join(line('td', row) for row in body)}</table>\n"
+
+
+def write_documentation(folder: Path) -> None:
+    """Write the documentation of the FMU: description, external dependencies, licences."""
+    licenses = folder / "licenses"
+    licenses.mkdir(parents=True)
+    shutil.copyfile(ROOT / "LICENSE", licenses / "license.txt")
+    source = SOURCES / "documentation"
+    shutil.copyfile(source / "third_party.txt", licenses / "third_party.txt")
+    shutil.copyfile(source / "externalDependencies.txt", folder / "externalDependencies.txt")
+    page = (source / "index.html").read_text("utf-8")
+    for mark, content in (
+        ("VERSION", interface.VERSION),
+        ("VARIABLES", html_table(variable_rows())),
+        ("METHODS", html_table(method_rows())),
+    ):
+        page = page.replace(f"<!-- {mark} -->", content)
+    (folder / "index.html").write_text(page, "utf-8", newline="\n")
+
+
+def icon(size: int = 96) -> bytes:
+    """Return the icon, a pendulum with its arc of motion, as a PNG file."""
+    pivot, bob, length = (0.36, 0.12), (0.62, 0.74), hypot(0.26, 0.62)
+
+    def ink(x: float, y: float) -> float:
+        along = ((x - pivot[0]) * (bob[0] - pivot[0]) + (y - pivot[1]) * (bob[1] - pivot[1])) / length**2
+        along = min(1.0, max(0.0, along))
+        rod = hypot(
+            x - pivot[0] - along * (bob[0] - pivot[0]), y - pivot[1] - along * (bob[1] - pivot[1])
+        )
+        radius = hypot(x - pivot[0], y - pivot[1])
+        arc = abs(radius - length) if y > 0.6 else 1.0
+        ceiling = abs(y - pivot[1]) if abs(x - pivot[0]) < 0.18 else 1.0
+        edge = min(rod - 0.015, hypot(x - bob[0], y - bob[1]) - 0.13, ceiling - 0.02, arc - 0.006)
+        return min(1.0, max(0.0, 0.5 - edge * size))
+
+    rows = b"".join(
+        b"\0" + bytes(int(255 * (1.0 - ink((i + 0.5) / size, (j + 0.5) / size))) for i in range(size))
+        for j in range(size)
+    )
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", size, size, 8, 0, 0, 0, 0)  # 8 bits, grey
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", header)
+        + chunk(b"IDAT", zlib.compress(rows))
+        + chunk(b"IEND", b"")
+    )
+
+
+def readme_with_tables(text: str) -> str:
+    """Return README with its tables of variables and methods made anew."""
+    for mark, rows in (("variables", variable_rows()), ("methods", method_rows())):
+        text = re.sub(
+            rf"(<!-- {mark} -->\n).*?(<!-- end of {mark} -->)",
+            lambda found, rows=rows: found[1] + "\n" + markdown(rows) + "\n" + found[2],
+            text,
+            flags=re.DOTALL,
+        )
+    return text
+
+
+class Parser(argparse.ArgumentParser):
+    """Command line whose errors are one line and exit status 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with `message`."""
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    parser = Parser(prog="build_fmu.py", description=__doc__.split("\n", 1)[0])
+    parser.add_argument(
+        "--output", type=Path, default=DEFAULT_OUTPUT, metavar="FILE.fmu", help="where to write the FMU"
+    )
+    parser.add_argument(
+        "--readme", action="store_true", help="write the tables of README.md anew instead of building"
+    )
+    options = parser.parse_args(arguments)
+    if options.readme:
+        readme = ROOT / "README.md"
+        readme.write_text(readme_with_tables(readme.read_text("utf-8")), "utf-8", newline="\n")
+        return 0
+    if options.output.suffix != ".fmu" or options.output.is_dir():
+        parser.error(f"--output {options.output}: must be a file that ends in .fmu")
+    try:
+        print(build(options.output))
+    except BuildError as error:
+        print(f"build_fmu.py: the FMU was not written:\n{error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        parser.error(f"--output {options.output}: {error.strerror}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

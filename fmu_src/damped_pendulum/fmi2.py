@@ -1,0 +1,162 @@
+"""What FMI 2.0 has and pythonfmu lacks: typed variables, units, enumerations, InitialUnknowns, survivable errors."""
+
+from __future__ import annotations
+
+import ctypes
+from xml.etree.ElementTree import Element, SubElement
+
+from pythonfmu import Fmi2Causality, Fmi2Initial, Fmi2Variability, Integer, Real
+
+from .interface import (
+    RELEASED,
+    SOLVER_METHODS,
+    TYPES,
+    UNITS,
+    VARIABLES,
+    Type,
+    Variable,
+    unit_of,
+)
+
+TYPE_OF = {type_.name: type_ for type_ in TYPES}
+
+_CAUSALITY = {
+    "parameter": {
+        "causality": Fmi2Causality.parameter,
+        "variability": Fmi2Variability.fixed,
+        "initial": Fmi2Initial.exact,
+    },
+    "input": {"causality": Fmi2Causality.input, "variability": Fmi2Variability.continuous},
+    "output": {
+        "causality": Fmi2Causality.output,
+        "variability": Fmi2Variability.continuous,
+        "initial": Fmi2Initial.calculated,
+    },
+}
+
+
+class TypedReal(Real):  # type: ignore[misc]  # pythonfmu is not typed
+    """A Real with the type, unit, minimum, nominal and exact start value of its row in the interface table."""
+
+    def __init__(self, variable: Variable) -> None:
+        super().__init__(
+            variable.name, description=variable.description, **_CAUSALITY[variable.causality]
+        )
+        self.variable = variable
+
+    def to_xml(self) -> Element:
+        """Return the ScalarVariable element."""
+        node: Element = super().to_xml()
+        real = node[0]
+        type_ = TYPE_OF[self.variable.type]
+        real.attrib = _real_attributes(type_) | {"declaredType": type_.name}
+        if self.variable.range is not None and self.variable.range.minimum is not None:
+            real.set("min", repr(self.variable.range.minimum))
+        if self.variable.nominal is not None:
+            real.set("nominal", repr(self.variable.nominal))
+        if self.start is not None:
+            real.set("start", repr(float(self.start)))
+        return node
+
+
+class TypedInteger(Integer):  # type: ignore[misc]  # pythonfmu is not typed
+    """An Integer, or the Enumeration that FMI reads and writes as an Integer."""
+
+    def __init__(self, variable: Variable) -> None:
+        attributes = _CAUSALITY[variable.causality]
+        if variable.causality == "output":
+            attributes = attributes | {"variability": Fmi2Variability.discrete}
+        super().__init__(variable.name, description=variable.description, **attributes)
+        self.variable = variable
+
+    def to_xml(self) -> Element:
+        """Return the ScalarVariable element."""
+        node: Element = super().to_xml()
+        if self.variable.type == "SolverMethod":
+            node[0].tag = "Enumeration"
+            node[0].set("declaredType", "SolverMethod")
+        return node
+
+
+def scalar_variable(variable: Variable) -> TypedReal | TypedInteger:
+    """Return the pythonfmu variable of a row of the interface table."""
+    return TypedReal(variable) if variable.type in TYPE_OF else TypedInteger(variable)
+
+
+def _real_attributes(type_: Type) -> dict[str, str]:
+    attributes = {"quantity": type_.name, "unit": type_.unit}
+    if type_.display_unit is not None:
+        attributes["displayUnit"] = type_.display_unit
+    return attributes
+
+
+def _unit_definitions() -> Element:
+    root = Element("UnitDefinitions")
+    for unit in UNITS:
+        node = SubElement(root, "Unit", name=unit.name)
+        SubElement(node, "BaseUnit", {base: str(power) for base, power in unit.base.items()})
+        for name, factor in unit.display.items():
+            SubElement(node, "DisplayUnit", name=name, factor=repr(factor))
+    return root
+
+
+def _type_definitions() -> Element:
+    root = Element("TypeDefinitions")
+    # Some importers read the items of the first SimpleType only.
+    enumeration = SubElement(
+        SubElement(root, "SimpleType", name="SolverMethod", description="Integration method"),
+        "Enumeration",
+    )
+    for method, description in SOLVER_METHODS.items():
+        SubElement(
+            enumeration, "Item", name=method.name, value=str(method.value), description=description
+        )
+    for type_ in TYPES:
+        SubElement(
+            SubElement(root, "SimpleType", name=type_.name), "Real", _real_attributes(type_)
+        )
+    return root
+
+
+def _model_structure() -> Element:
+    index = {variable.name: i for i, variable in enumerate(VARIABLES, start=1)}
+    root = Element("ModelStructure")
+    outputs = SubElement(root, "Outputs")
+    initial = SubElement(root, "InitialUnknowns")
+    for variable in VARIABLES:
+        if variable.causality == "output":
+            for parent, names in (
+                (outputs, variable.depends_on),
+                (initial, variable.starts_from),
+            ):
+                dependencies = " ".join(str(i) for i in sorted(index[name] for name in names))
+                SubElement(
+                    parent, "Unknown", index=str(index[variable.name]), dependencies=dependencies
+                )
+    return root
+
+
+def complete(root: Element) -> Element:
+    """Add to pythonfmu's modelDescription the sections that it does not write, in the order of the schema."""
+    root.set("generationDateAndTime", RELEASED)
+    after_co_simulation = [child.tag for child in root].index("CoSimulation") + 1
+    root.insert(after_co_simulation, _unit_definitions())
+    root.insert(after_co_simulation + 1, _type_definitions())
+    structure = root.find("ModelStructure")
+    if structure is not None:
+        root.remove(structure)
+    root.append(_model_structure())
+    return root
+
+
+def describe(variable: Variable, value: float) -> str:
+    """Return `variable` with a value and what is allowed, for messages."""
+    allowed = variable.range.text if variable.range is not None else "finite"
+    unit = unit_of(variable)
+    return f"{variable.name} = {value!r}{' ' + unit if unit else ''} (allowed: {allowed})"
+
+
+def keep_alive(*objects: object) -> None:
+    """Add a reference to each object for the one that pythonfmu 0.7 releases too often after an exception."""
+    for item in objects:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))

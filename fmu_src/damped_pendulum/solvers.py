@@ -1,0 +1,282 @@
+"""The fixed-step methods, their orders and stability limits, and the substeps of a communication step.
+
+A solver integrates one communication step, loop included:
+
+    solver(motion, phi, w, h, n) -> phi, w, nfev
+
+advances the angle `phi` [rad] and its rate `w` [rad/s] by `n` substeps of `h` [s] and returns them with
+the number of evaluations of the acceleration. The order of the operations is part of the definition:
+another implementation with the same order returns the same bits.
+
+References: Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", sections II.1 and II.7;
+Hairer, Wanner, "... II", section IV.2 (stability functions).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from itertools import repeat
+from math import ceil, cos, inf, sin, sqrt
+from sys import float_info
+from typing import NamedTuple
+
+from .model import Motion
+
+Solver = Callable[[Motion, float, float, float, int], tuple[float, float, int]]
+
+MAX_SUBSTEPS = 2**31 - 1
+
+
+def explicit_euler(
+    motion: Motion, phi: float, w: float, h: float, n: int
+) -> tuple[float, float, int]:
+    """Explicit (forward) Euler method: order 1, 1 stage.
+
+    Crawford, eq. (25). Not the semi-implicit (symplectic) Euler method: both states advance with the
+    values at the beginning of the substep.
+    """
+    acceleration = motion.acceleration()
+    for _ in repeat(None, n):
+        a = acceleration(phi, w)
+        phi += h * w
+        w += h * a
+    return phi, w, n
+
+
+def explicit_midpoint2(
+    motion: Motion, phi: float, w: float, h: float, n: int
+) -> tuple[float, float, int]:
+    """Explicit midpoint method (modified Euler, "RK2"): order 2, 2 stages.
+
+    Crawford, eqs. (29)-(31). Not Heun's method, which has the same stability function.
+    """
+    acceleration = motion.acceleration()
+    half = h / 2
+    for _ in repeat(None, n):
+        a1 = acceleration(phi, w)
+        w2 = w + half * a1
+        a2 = acceleration(phi + half * w, w2)
+        phi += h * w2
+        w += h * a2
+    return phi, w, 2 * n
+
+
+def explicit_runge_kutta4(
+    motion: Motion, phi: float, w: float, h: float, n: int
+) -> tuple[float, float, int]:
+    """Classical Runge-Kutta method ("RK4"): order 4, 4 stages.
+
+    Crawford, eq. (32).
+    """
+    acceleration = motion.acceleration()
+    half = h / 2
+    sixth = h / 6
+    for _ in repeat(None, n):
+        a1 = acceleration(phi, w)
+        w2 = w + half * a1
+        a2 = acceleration(phi + half * w, w2)
+        w3 = w + half * a2
+        a3 = acceleration(phi + half * w2, w3)
+        w4 = w + h * a3
+        a4 = acceleration(phi + h * w3, w4)
+        phi += sixth * (w + 2 * (w2 + w3) + w4)
+        w += sixth * (a1 + 2 * (a2 + a3) + a4)
+    return phi, w, 4 * n
+
+
+def implicit_euler(
+    motion: Motion, phi: float, w: float, h: float, n: int
+) -> tuple[float, float, int]:
+    """Implicit (backward) Euler method on the nonlinear equation: order 1.
+
+    Eliminating the new rate leaves one equation for the new angle x,
+
+        x + s*sin(x) = c,   s = h^2*w02/(1 + h*k2),   c = phi + h*(w + h*drive)/(1 + h*k2),
+
+    with k2 the damping rate. It has a single root for |s| < 1, which `unique_root_limit` guarantees.
+    """
+    damping_rate, w02, drive = motion
+    denominator = 1.0 + h * damping_rate
+    kick = h * w02 / denominator
+    s = h * kick
+    nfev = 0
+    for _ in repeat(None, n):
+        v = (w + h * drive) / denominator
+        c = phi + h * v
+        if s == 0.0:
+            phi, w = c, v
+            nfev += 1
+        else:
+            phi, evaluations = solve_kepler(s, c)
+            w = v - kick * sin(phi)
+            nfev += evaluations
+    return phi, w, nfev
+
+
+def solve_kepler(s: float, c: float) -> tuple[float, int]:
+    """Solve x + s*sin(x) = c for |s| < 1 by Newton's method to the last bit.
+
+    The root is kept between bounds, and a Newton step that would leave them is replaced by a bisection,
+    so the iteration ends for every s. `x - c` is exact near the root, so the residual is good to a
+    rounding error of s*sin(x), not of x.
+
+    Returns
+    -------
+    x : the root, in the unit of `c`
+    evaluations : how often sin and cos were evaluated
+    """
+    low, high = c - 2.0 * abs(s), c + 2.0 * abs(s)
+    x = c
+    evaluations = 0
+    while True:
+        residual = (x - c) + s * sin(x)
+        evaluations += 1
+        if residual > 0.0:
+            high = x
+        else:
+            low = x
+        slope = 1.0 + s * cos(x)
+        correction = residual / slope
+        new = x - correction
+        # The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of a unit in the last place.
+        if abs(s) * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
+            return new, evaluations
+        if not low < new < high:
+            new = 0.5 * (low + high)
+            if not low < new < high:
+                return x, evaluations
+        x = new
+
+
+_QUARTER_ULP = float_info.epsilon / 4.0
+
+
+class SolverMethod(IntEnum):
+    """The methods under the names of the Modelica Language Specification, section 16.8.2; append only."""
+
+    ExplicitEuler = 1
+    ExplicitMidPoint2 = 2
+    ExplicitRungeKutta4 = 3
+    ImplicitEuler = 4
+
+
+class Method(NamedTuple):
+    """What is known of a method.
+
+    Attributes
+    ----------
+    solver : the method, see the module's docstring
+    order : order of consistency
+    stages : evaluations of the acceleration in a substep, None where they vary
+    real_limit : the method is stable for h*lambda in [-real_limit, 0]
+    growth : with h in units of 1/w0 and the damping rate z in units of w0, the coefficients of
+        (|R(h*lambda)|^2 - 1)/h for a complex pair lambda, in rising powers of h; R is the stability function
+    description : one line for users
+    """
+
+    solver: Solver
+    order: int
+    stages: int | None
+    real_limit: float
+    growth: Callable[[float], Sequence[float]] | None
+    description: str
+
+
+METHODS = {
+    SolverMethod.ExplicitEuler: Method(
+        explicit_euler, 1, 1, 2.0, lambda z: (-z, 1.0), "Explicit Euler method (order 1)"
+    ),
+    SolverMethod.ExplicitMidPoint2: Method(
+        explicit_midpoint2,
+        2,
+        2,
+        2.0,
+        lambda z: (-z, z * z / 2, -z / 2, 1 / 4),
+        "Explicit midpoint method (order 2)",
+    ),
+    SolverMethod.ExplicitRungeKutta4: Method(
+        explicit_runge_kutta4,
+        4,
+        4,
+        2.7852935634052816235,  # root of x^3 - 4x^2 + 12x - 24
+        lambda z: (
+            -z,
+            z**2 / 2,
+            -(z**3) / 6,
+            z**4 / 24,
+            (z - z**3) / 24,
+            z**2 / 48 - 1 / 72,
+            -z / 144,
+            1 / 576,
+        ),
+        "Explicit Runge-Kutta method (order 4)",
+    ),
+    SolverMethod.ImplicitEuler: Method(
+        implicit_euler, 1, None, inf, None, "Implicit Euler method (order 1)"
+    ),
+}
+
+
+def stability_limit(method: SolverMethod, damping_rate: float, w02: float) -> float:
+    """Return the largest substep [s] that is stable for small swings about the stable equilibrium.
+
+    It is the largest h with |R(h*lambda)| <= 1 for both eigenvalues lambda = (-k2 +- sqrt(k2^2 - 4*w02))/2,
+    k2 = `damping_rate` [1/s] >= 0. With w02 < 0 [1/s2] the stable equilibrium is the upright position. The
+    result is 0 where no step is stable and inf where every step is. Large swings can ask for less.
+    """
+    _, _, _, real_limit, growth, _ = METHODS[method]
+    if growth is None or (damping_rate == 0.0 and w02 == 0.0):
+        return inf
+    w0 = sqrt(abs(w02))
+    if damping_rate >= 2.0 * w0:
+        return real_limit / (damping_rate * (0.5 + sqrt(0.25 - (w0 / damping_rate) ** 2)))
+    coefficients = growth(damping_rate / w0)
+    leading = next(c for c in coefficients if c != 0.0)
+    if leading > 0.0:
+        return 0.0
+    stable, unstable = 0.0, 4.0  # |R| > 1 for every method and damping at |h*lambda| = 4
+    while True:
+        middle = 0.5 * (stable + unstable)
+        if not stable < middle < unstable:
+            return stable / w0
+        value = 0.0
+        for coefficient in reversed(coefficients):
+            value = value * middle + coefficient
+        if value <= 0.0:
+            stable = middle
+        else:
+            unstable = middle
+
+
+def unique_root_limit(method: SolverMethod, damping_rate: float, w02: float) -> float:
+    """Return the substep [s] below which the equation of a substep has a single root.
+
+    For ImplicitEuler |s| = h^2*|w02|/(1 + h*damping_rate) must stay below 1; explicit methods have no
+    such limit (inf).
+    """
+    if method is not SolverMethod.ImplicitEuler or w02 == 0.0:
+        return inf
+    w0 = sqrt(abs(w02))
+    half = damping_rate / (2.0 * w0)
+    return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9)
+
+
+def substeps(time: float, duration: float, max_step: float) -> int:
+    """Return the number of equal substeps, none longer than `max_step` [s], of a communication step.
+
+    The communication step lasts `duration` [s] from `time` [s]. Importers form it as a difference of times,
+    so it carries the rounding noise of those; that noise adds no substep.
+
+    Raises
+    ------
+    OverflowError : more than `MAX_SUBSTEPS` would be needed
+    """
+    noise = 4.0 * float_info.epsilon * (abs(time) + duration)
+    n = (duration - noise) / max_step
+    if n > MAX_SUBSTEPS:
+        raise OverflowError(
+            f"a communication step of {duration!r} s would need {n:.3g} substeps of {max_step!r} s, "
+            f"at most {MAX_SUBSTEPS} are allowed"
+        )
+    return max(1, ceil(n))

@@ -1,0 +1,332 @@
+"""The FMI shell of the damped pendulum: values in and out, checks, errors, state. No physics."""
+
+from __future__ import annotations
+
+import json
+import sys
+import zlib
+from collections.abc import Callable, Sequence
+from functools import partial
+from math import inf, isfinite
+from typing import Any, NoReturn
+from xml.etree.ElementTree import Element
+
+from damped_pendulum.fmi2 import complete, describe, keep_alive, scalar_variable
+from damped_pendulum.interface import (
+    AUTHOR,
+    DESCRIPTION,
+    LICENSE,
+    MODEL_NAME,
+    START_TIME,
+    STEP_SIZE,
+    STOP_TIME,
+    VARIABLES,
+    VERSION,
+    Variable,
+)
+from damped_pendulum.model import Pendulum
+from damped_pendulum.solvers import (
+    METHODS,
+    SolverMethod,
+    stability_limit,
+    substeps,
+    unique_root_limit,
+)
+from pythonfmu import Boolean, DefaultExperiment, Fmi2Slave, Integer, Real, String
+from pythonfmu.enums import Fmi2Status
+
+VALUE_REFERENCE = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
+TAU = VALUE_REFERENCE["tau"]
+STEP_SIZE_VR = VALUE_REFERENCE["solver.stepSize"]
+NFEV_MAX = 2**31 - 1  # fmi2Integer has 32 bits
+STATE_FORMAT = f"{MODEL_NAME} {VERSION}"
+
+
+class FmuError(Exception):
+    """An FMI call that cannot be carried out; the state of the instance is the one before the call."""
+
+
+class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
+    """The damped pendulum as an FMI 2.0 co-simulation slave."""
+
+    author = AUTHOR
+    description = DESCRIPTION
+    license = LICENSE
+    version = VERSION
+    default_experiment = DefaultExperiment(START_TIME, STOP_TIME, STEP_SIZE)
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self._values: list[Any] = [variable.start for variable in VARIABLES]
+        self._mode = "instantiated"
+        self._latest_end = inf
+        self._nfev = 0
+        self._begin()
+        outputs: dict[str, Callable[[], float]] = {
+            "phi": lambda: self._phi,
+            "w": lambda: self._w,
+            "a": self._acceleration,
+            "E": lambda: self._pendulum.energy(self._phi, self._w),
+            "solver.nfev": lambda: self._nfev,
+        }
+        self._readers: dict[type, dict[int, Callable[[], Any]]] = {
+            kind: {} for kind in (Real, Integer, Boolean, String)
+        }
+        for vr, variable in enumerate(VARIABLES):
+            registered = scalar_variable(variable)
+            registered.getter = outputs.get(variable.name, partial(self._values.__getitem__, vr))
+            self.register_variable(registered, nested=False)
+            kind = Real if isinstance(registered, Real) else Integer
+            self._readers[kind][vr] = registered.getter
+
+    def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
+        """Return modelDescription.xml as an element tree."""
+        return complete(super().to_xml(model_options or {}))
+
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ) -> None:
+        """Note the stop time [s]; a fixed-step method has no use for the tolerance."""
+        if stop_time is not None:
+            # Importers that add up their steps arrive a little beyond it.
+            self._latest_end = stop_time + 1e-9 * max(abs(start_time), abs(stop_time))
+
+    def enter_initialization_mode(self) -> None:
+        """Enter initialization; the parameters may still be set."""
+        self._mode = "initialization"
+
+    def exit_initialization_mode(self) -> None:
+        """Check the parameters, all problems in one message, and warn of an unstable step size."""
+        problems = [
+            describe(variable, value)
+            for variable, value in zip(VARIABLES, self._values, strict=True)
+            if variable.causality == "parameter" and not variable.allows(value)
+        ] or self._pendulum.out_of_range()
+        if problems:
+            self._fail("cannot initialize: " + "; ".join(problems))
+        self._mode = "stepping"
+        self._choose_solver()
+        if self._max_step > self._limit:
+            self.log(
+                f"{describe(VARIABLES[STEP_SIZE_VR], self._max_step)} is unstable: {self._advice()}",
+                Fmi2Status.warning,
+                "logStatusWarning",
+            )
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """Integrate from `current_time` over `step_size` [s] with the torque held.
+
+        Returns
+        -------
+        True; a step that cannot be carried out raises, because importers take False for the end of the run
+        """
+        end = current_time + step_size
+        if self._mode != "stepping" or not (
+            0.0 < step_size < inf and -inf < end <= self._latest_end
+        ):
+            self._refuse_step(current_time, step_size)
+        tau = self._values[TAU]
+        if tau != self._tau_of_motion:
+            if not isfinite(tau):
+                self._fail(f"no step from t = {current_time!r} s: {describe(VARIABLES[TAU], tau)}")
+            self._motion, self._tau_of_motion = self._pendulum.motion(tau), tau
+        try:
+            n = substeps(current_time, step_size, self._max_step)
+            phi, w, nfev = self._solve(self._motion, self._phi, self._w, step_size / n, n)
+        except OverflowError as error:
+            self._fail(f"no step from t = {current_time!r} s: {error}")
+        except ValueError:  # math.sin(inf)
+            self._report_divergence(current_time, step_size / n)
+        if not (isfinite(phi) and isfinite(w)):
+            self._report_divergence(current_time, step_size / n)
+        self._phi, self._w = phi, w
+        self._nfev = min(self._nfev + nfev, NFEV_MAX)
+        return True
+
+    def terminate(self) -> None:
+        """End the run; the outputs can still be read."""
+        self._mode = "terminated"
+
+    def get_real(self, vrs: Sequence[int]) -> list[float]:
+        """Return the values of Real variables, outputs computed now."""
+        return self._get(Real, vrs)
+
+    def get_integer(self, vrs: Sequence[int]) -> list[int]:
+        """Return the values of Integer and Enumeration variables."""
+        return self._get(Integer, vrs)
+
+    def get_boolean(self, vrs: Sequence[int]) -> list[bool]:
+        """Refuse every reference: there are no Boolean variables."""
+        return self._get(Boolean, vrs)
+
+    def get_string(self, vrs: Sequence[int]) -> list[str]:
+        """Refuse every reference: there are no String variables."""
+        return self._get(String, vrs)
+
+    def set_real(self, vrs: Sequence[int], values: Sequence[float]) -> None:
+        """Set Real parameters (until initialization ends) and the torque (until the run ends)."""
+        self._set(Real, vrs, values)
+
+    def set_integer(self, vrs: Sequence[int], values: Sequence[int]) -> None:
+        """Set the integration method (until initialization ends)."""
+        self._set(Integer, vrs, values)
+
+    def set_boolean(self, vrs: Sequence[int], values: Sequence[bool]) -> None:
+        """Refuse every reference: there are no Boolean variables."""
+        self._set(Boolean, vrs, values)
+
+    def set_string(self, vrs: Sequence[int], values: Sequence[str]) -> None:
+        """Refuse every reference: there are no String variables."""
+        self._set(String, vrs, values)
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        """Return all that the future of the instance depends on."""
+        return {
+            "format": STATE_FORMAT,
+            "values": list(self._values),
+            "phi": self._phi,
+            "w": self._w,
+            "nfev": self._nfev,
+            "mode": self._mode,
+            "latest_end": self._latest_end,
+        }
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        """Restore what `_get_fmu_state` returned, in this or another instance or process."""
+        if "refused" in state:
+            self._fail(f"cannot restore the state: {state['refused']}")
+        self._values[:] = state["values"]
+        self._begin()
+        self._phi, self._w, self._nfev = state["phi"], state["w"], state["nfev"]
+        self._mode, self._latest_end = state["mode"], state["latest_end"]
+        if self._mode == "stepping":
+            self._choose_solver()
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
+        """Return the state as a checksum and JSON, in which doubles keep every bit."""
+        body = json.dumps(state).encode()
+        return f"{zlib.crc32(body):08x}".encode() + body
+
+    @staticmethod
+    def _fmu_state_from_bytes(data: bytes) -> dict[str, Any]:
+        """Return the state of `_fmu_state_to_bytes`, or the reason why it is refused when it is set.
+
+        The refusal waits until then because pythonfmu 0.7 releases the instance once too often after an
+        exception, and a static method does not know which instance to hold.
+        """
+        body = data[8:]
+        if data[:8] != f"{zlib.crc32(body):08x}".encode():
+            return {"refused": "the bytes are damaged (wrong checksum)"}
+        state: dict[str, Any] = json.loads(body)
+        if state.get("format") != STATE_FORMAT:
+            return {"refused": f"it is of {state.get('format')!r}, this is {STATE_FORMAT!r}"}
+        return state
+
+    def _get(self, kind: type, vrs: Sequence[int]) -> list[Any]:
+        readers = self._readers[kind]
+        try:
+            return [readers[vr]() for vr in vrs]
+        except KeyError as error:
+            self._fail(_wrong_reference(error.args[0], kind))
+        except (ValueError, ZeroDivisionError):
+            self._fail("the outputs cannot be computed from the present parameters")
+
+    def _set(self, kind: type, vrs: Sequence[int], values: Sequence[Any]) -> None:
+        for vr in vrs:
+            if vr not in self._readers[kind]:
+                self._fail(_wrong_reference(vr, kind))
+            if vr != TAU or self._mode == "terminated":
+                self._refuse_unless_settable(VARIABLES[vr])
+        for vr, value in zip(vrs, values, strict=True):
+            self._values[vr] = value
+        if self._mode in ("instantiated", "initialization"):
+            self._begin()
+
+    def _refuse_unless_settable(self, variable: Variable) -> None:
+        if variable.causality == "output":
+            self._fail(f"{variable.name} is an output: it cannot be set")
+        if self._mode == "terminated":
+            self._fail(f"{variable.name} cannot be set: the run has ended")
+        if self._mode == "stepping":
+            self._fail(
+                f"{variable.name} is a fixed parameter: it can be set until initialization ends, not after"
+            )
+
+    def _value(self, name: str) -> Any:
+        return self._values[VALUE_REFERENCE[name]]
+
+    def _begin(self) -> None:
+        """Take the state from the start values, so that the outputs are right before the first step, too."""
+        self._phi, self._w = self._value("phi_start"), self._value("w_start")
+        self._pendulum = Pendulum(*(self._value(name) for name in Pendulum._fields))
+        self._tau_of_motion: float | None = None
+
+    def _choose_solver(self) -> None:
+        motion = self._pendulum.motion()
+        self._method = SolverMethod(self._value("solver.method"))
+        self._solve = METHODS[self._method].solver
+        self._limit = stability_limit(self._method, motion.damping_rate, motion.w02)
+        self._max_step = min(
+            self._values[STEP_SIZE_VR],
+            unique_root_limit(self._method, motion.damping_rate, motion.w02),
+        )
+
+    def _acceleration(self) -> float:
+        motion = self._pendulum.motion(self._values[TAU])
+        return motion.acceleration()(self._phi, self._w)
+
+    def _refuse_step(self, current_time: float, step_size: float) -> NoReturn:
+        if self._mode != "stepping":
+            self._fail(f"no step in mode {self._mode}: initialize the instance first")
+        if not 0.0 < step_size < inf:
+            self._fail(
+                f"no step from t = {current_time!r} s: "
+                f"communicationStepSize = {step_size!r} s (allowed: > 0 and finite)"
+            )
+        self._fail(
+            f"no step from t = {current_time!r} s over {step_size!r} s: "
+            f"it must end at a finite time, not beyond the stop time (latest end {self._latest_end!r} s)"
+        )
+
+    def _report_divergence(self, time: float, h: float) -> NoReturn:
+        """Fail with the substep that left the range of a double, found by taking them one by one."""
+        phi, w, count = self._phi, self._w, 0
+        try:
+            while isfinite(phi) and isfinite(w):
+                count += 1
+                phi, w, _ = self._solve(self._motion, phi, w, h, 1)
+        except ValueError:  # math.sin(inf)
+            pass
+        self._fail(
+            f"diverged at t = {time + count * h!r} s: substep {count} of {h!r} s with "
+            f"{self._method.name} left the range of a double; {self._advice()}"
+        )
+
+    def _advice(self) -> str:
+        if self._limit == inf:
+            return f"{self._method.name} has no stability limit: check the torque and the start values"
+        if self._limit == 0.0:
+            return (
+                f"{self._method.name} has no stable step size without damping: "
+                "use ExplicitRungeKutta4 or ImplicitEuler"
+            )
+        return (
+            f"the stability limit of {self._method.name} for this pendulum is {self._limit:.6g} s: "
+            "use a smaller solver.stepSize or ImplicitEuler"
+        )
+
+    def _fail(self, message: str) -> NoReturn:
+        """Raise `message`, which the wrapper logs, after giving it to the log and to stderr."""
+        text = f"{self.instance_name}: {message}".replace("%", "percent")
+        self.log(text, Fmi2Status.error, "logStatusError")
+        if sys.stderr is not None:  # hosts without a console have none
+            print(text, file=sys.stderr)
+        keep_alive(self, type(self), self.log_queue)
+        raise FmuError(text)
+
+
+def _wrong_reference(vr: int, kind: type) -> str:
+    if 0 <= vr < len(VARIABLES):
+        return f"{VARIABLES[vr].name} (value reference {vr}) is not of type {kind.__name__}"
+    return f"value reference {vr} is unknown (allowed: 0..{len(VARIABLES) - 1})"
