@@ -1,0 +1,190 @@
+"""Period of undamped swings against the elliptic integral, from 1 to 179.999 degrees, and the orders of the methods."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import nan, radians, sqrt, ulp
+
+import numpy as np
+
+from . import references
+from .fmu import EULER, IMPLICIT_EULER, METHOD_NAMES, MIDPOINT, RK4, W02, Experiment, Fmu, G
+from .metrics import observed_order, state_error, upward_crossings
+from .results import Check, Curve, Plot, Result, Table
+
+TITLE = "Elliptic period"
+FORMULA = "T = 2*pi/(w0*AGM(1, cos(alpha/2))), Crawford (14) and (20)"
+
+AMPLITUDES = (1, 5, 10, 20, 30, 45, 60, 90, 120, 150, 170, 175, 179, 179.9, 179.99, 179.999)
+GRAVITIES = (G, 9.81)
+PERIODS = 5
+STEP = 0.008  # communication step [s], 8, 4 and 2 substeps; the interpolation is then exact to 4e-16 s
+SUBSTEP = 1e-3  # [s], the default
+
+
+@dataclass(frozen=True)
+class PeriodScene:
+    """An amplitude [deg] and a gravity acceleration [m/s2]."""
+
+    amplitude: float
+    g: float
+    slow: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name in tables and tests."""
+        return f"period at {self.amplitude:g} deg, g = {self.g:g}"
+
+
+@dataclass(frozen=True)
+class OrderScene:
+    """A method, an amplitude [deg] and the coarser of two numbers of substeps per period."""
+
+    method: int
+    order: int
+    amplitude: float
+    substeps: int
+    slow: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name in tables and tests."""
+        return f"order of {METHOD_NAMES[self.method]} at {self.amplitude:g} deg"
+
+
+@dataclass(frozen=True)
+class FormulaScene:
+    """The formulas of the period against each other."""
+
+    name: str = "formulas of the period"
+    slow: bool = False
+
+
+# Substeps per period where the next term of the error expansion, a relative h*w0*pi for the Euler methods and less for the
+# others, changes the observed order by less than 0.1; rounding is still far below.
+ORDERS = ((EULER, 1, 2000), (IMPLICIT_EULER, 1, 2000), (MIDPOINT, 2, 400), (RK4, 4, 200))
+
+SCENES = (
+    FormulaScene(),
+    *(PeriodScene(amplitude, g) for g in GRAVITIES for amplitude in AMPLITUDES),
+    *(
+        OrderScene(method, order, amplitude, n)
+        for method, order, n in ORDERS
+        for amplitude in (30, 90)
+    ),
+)
+
+
+def run(fmu: Fmu, scene: PeriodScene | OrderScene | FormulaScene) -> Iterator[Result]:
+    """Yield the rows of a scene."""
+    if isinstance(scene, PeriodScene):
+        yield from _period(fmu, scene)
+    elif isinstance(scene, OrderScene):
+        yield from _order(fmu, scene)
+    else:
+        yield from _formulas()
+
+
+def measured_period(fmu: Fmu, amplitude: float, g: float, substep: float) -> float:
+    """Return the mean period [s] that the FMU shows over `PERIODS` swings from `amplitude` [rad], NaN if it shows none."""
+    exact = references.period(amplitude, g)
+    run = fmu.run(
+        Experiment(
+            stop=STEP * round((PERIODS + 0.8) * exact / STEP),
+            step=STEP,
+            start={"gamma": 0.0, "g": g, "phi_start": amplitude, "solver.stepSize": substep},
+            record=("phi", "w", "a"),
+        )
+    )
+    crossings = upward_crossings(run.t, run["phi"], run["w"], run["a"])
+    return (crossings[PERIODS] - crossings[0]) / PERIODS if len(crossings) > PERIODS else nan
+
+
+def _period(fmu: Fmu, scene: PeriodScene) -> Iterator[Result]:
+    amplitude = radians(scene.amplitude)
+    exact = references.period(amplitude, scene.g)
+    fine, coarse, coarser = (measured_period(fmu, amplitude, scene.g, n * SUBSTEP) for n in (1, 2, 4))
+    # The method's phase error grows like h^4; its amplitude drifts like h^5, which dT/d(amplitude) turns into a period error.
+    # Differences of the three runs give both: coarse - fine = 15*phase + 31*drift, and 16 and 32 times that one step further.
+    phase = (32 * (coarse - fine) - (coarser - coarse)) / (16 * 15)
+    drift = ((coarser - coarse) - 16 * (coarse - fine)) / (16 * 31)
+    truncation = abs(phase) + abs(drift)
+    # The roundings of phi walk randomly during the time 1/w0 for which the pendulum remembers its amplitude.
+    wander = ulp(amplitude) * sqrt(1 / (SUBSTEP * sqrt(scene.g)))
+    floor = 5e-14 * exact + references.period_slope(amplitude, scene.g) * wander
+    yield Check(
+        scene.name,
+        abs(fine - exact),
+        1.5 * truncation + floor,
+        f"1.5 x (h^4 + h^5 error {truncation:.1e} s) + round-off {floor:.1e} s",
+        "s",
+    )
+
+
+def _order(fmu: Fmu, scene: OrderScene) -> Iterator[Result]:
+    amplitude = radians(scene.amplitude)
+    T = references.period(amplitude, W02)
+    errors = []
+    for n in (scene.substeps, 2 * scene.substeps):
+        run = fmu.run(
+            Experiment(
+                stop=T,
+                step=T / 20,
+                start={
+                    "gamma": 0.0,
+                    "phi_start": amplitude,
+                    "solver.method": scene.method,
+                    "solver.stepSize": T / n,
+                },
+                record=("phi", "w"),
+            )
+        )
+        errors.append(state_error(run["phi"], run["w"], references.libration(run.t, amplitude, W02)))
+    order = observed_order(*errors)
+    yield Check(
+        scene.name, abs(order - scene.order), 0.1, f"observed {order:.3f}, theory {scene.order}"
+    )
+
+
+def _formulas() -> Iterator[Result]:
+    amplitudes = [radians(amplitude) for amplitude in AMPLITUDES]
+    relative = [
+        abs(references.period_by_ellipkm1(amplitude, g) / references.period(amplitude, g) - 1)
+        for g in GRAVITIES
+        for amplitude in amplitudes
+    ]
+    yield Check(
+        "AGM(1, k') against ellipkm1(k'^2)",
+        max(relative),
+        4e-16,
+        "both are correct to 1.7e-16, and their quotient rounds",
+    )
+    near = radians(179.9999)
+    yield Check(
+        "ellipk(sin^2) is wrong near 180 deg",
+        abs(references.period_by_ellipk(near, W02) / references.period(near, W02) - 1),
+        1e-6,
+        "rounding sin^2 by 1e-16 changes 1 - sin^2 = 7.6e-13 by 1.5e-4, and K by 1e-4/(2*K)",
+        at_least=True,
+    )
+    yield Table(
+        "Exact periods",
+        ("amplitude [deg]", *(f"T at g = {g:g} m/s2 [s]" for g in GRAVITIES), "T/T0"),
+        [
+            (
+                f"{degrees:g}",
+                *(f"{references.period(amplitude, g):.15g}" for g in GRAVITIES),
+                f"{references.period(amplitude, G) / (2 * np.pi / sqrt(G)):.12g}",
+            )
+            for degrees, amplitude in zip(AMPLITUDES, amplitudes, strict=True)
+        ],
+    )
+    shown = np.append(np.linspace(1, 179, 179), AMPLITUDES[-3:])
+    ratio = [references.period(radians(x), G) / (2 * np.pi / sqrt(G)) for x in shown]
+    yield Plot(
+        "Period against amplitude",
+        "amplitude [deg]",
+        "T/T0",
+        [Curve("exact", shown.tolist(), ratio)],
+    )

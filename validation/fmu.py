@@ -1,0 +1,184 @@
+"""Runs the built FMU through FMPy: one extraction, one instance, many runs."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stderr
+from ctypes import c_double, c_uint
+from dataclasses import dataclass, field
+from math import pi, radians, sqrt
+from pathlib import Path
+from time import perf_counter
+from types import TracebackType
+from typing import Any, Self
+
+import fmpy
+import numpy as np
+from fmpy.fmi1 import FMICallException
+from numpy.typing import NDArray
+
+DEFAULT_PATH = Path(__file__).resolve().parent.parent / "dist" / "DampedPendulum.fmu"
+
+EULER, MIDPOINT, RK4, IMPLICIT_EULER = 1, 2, 3, 4
+METHOD_NAMES = {
+    EULER: "ExplicitEuler",
+    MIDPOINT: "ExplicitMidPoint2",
+    RK4: "ExplicitRungeKutta4",
+    IMPLICIT_EULER: "ImplicitEuler",
+}
+PARAMETERS = ("m", "L", "gamma", "g", "phi_start", "w_start", "solver.method", "solver.stepSize")
+OUTPUTS = ("phi", "w", "a", "E", "solver.nfev")
+G = 9.80665  # default gravity acceleration [m/s2]
+W02 = G  # squared angular frequency of small swings of the default pendulum [rad2/s2]
+W0 = sqrt(W02)
+T0 = 2 * pi / W0
+
+
+class UnusableFmu(Exception):
+    """A file that is not the FMU of this project, with what is wrong."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What to simulate; everything that is not said stays at its default and costs nothing.
+
+    Attributes
+    ----------
+    stop, step : end [s] and communication step [s]; the communication points are begin + n*step, the last is the stop
+    start : start values that differ from the defaults, in the units of the interface
+    torque : tau [N.m] as a function of the time [s], held from each communication point to the next
+    record : outputs to read at every communication point
+    begin : start time [s]
+    """
+
+    stop: float
+    step: float
+    start: Mapping[str, float] = field(default_factory=dict)
+    torque: Callable[[float], float] | None = None
+    record: Sequence[str] = ("phi",)
+    begin: float = 0.0
+
+    def times(self) -> list[float]:
+        """Return the communication points [s], formed without accumulation."""
+        n = max(1, round((self.stop - self.begin) / self.step))
+        return [self.begin + i * self.step for i in range(n)] + [self.stop]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Recorded outputs, one column each, up to the point where the FMU failed (`failure` says why, "" if it did not)."""
+
+    t: NDArray[np.float64]
+    columns: Mapping[str, NDArray[np.float64]]
+    seconds: float
+    nfev: int
+    failure: str
+    warnings: Sequence[str]
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.columns[name]
+
+
+class Fmu:
+    """The built FMU, extracted and instantiated once.
+
+    Raises
+    ------
+    UnusableFmu : no such file, no FMU, or one of another interface
+    """
+
+    def __init__(self, path: Path = DEFAULT_PATH) -> None:
+        self.path = path
+        if not path.is_file():
+            raise UnusableFmu(f"{path} does not exist: build it with python build_fmu.py")
+        try:
+            self.description = fmpy.read_model_description(str(path))
+        except Exception as error:  # FMPy raises many kinds
+            reason = str(error).split("\n", 1)[0]
+            raise UnusableFmu(f"{path} is not a readable FMU: {reason}") from None
+        self._reference = {v.name: v.valueReference for v in self.description.modelVariables}
+        missing = [name for name in (*PARAMETERS, "tau", *OUTPUTS) if name not in self._reference]
+        if missing:
+            raise UnusableFmu(f"{path} has another interface: no variable {', '.join(missing)}")
+        self._messages: list[tuple[int, str]] = []
+        self._folder = fmpy.extract(str(path))
+        self._slave = fmpy.instantiate_fmu(
+            self._folder, self.description, "CoSimulation", debug_logging=True, logger=self._log
+        )
+
+    def _log(self, _: Any, __: bytes, status: int, ___: bytes, message: bytes) -> None:
+        self._messages.append((status, message.decode()))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the instance and remove the extracted files."""
+        self._slave.freeInstance()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def run(self, experiment: Experiment) -> Run:
+        """Simulate from a fresh state; a failure of the FMU ends the run and is part of its result."""
+        slave = self._slave
+        times = experiment.times()
+        read = self._reader(experiment.record)
+        rows: list[list[float]] = []
+        reached = 0
+        begin = end = perf_counter()
+        self._messages.clear()
+        with redirect_stderr(io.StringIO()):  # the reasons of failures are in the log, too
+            slave.reset()
+            slave.setupExperiment(startTime=times[0])
+            for name, value in experiment.start.items():
+                setter = slave.setInteger if name == "solver.method" else slave.setReal
+                setter([self._reference[name]], [value])
+            slave.enterInitializationMode()
+            try:
+                slave.exitInitializationMode()
+                rows.append(read())
+                begin = perf_counter()
+                for now, then in zip(times, times[1:], strict=False):
+                    if experiment.torque is not None:
+                        slave.setReal([self._reference["tau"]], [experiment.torque(now)])
+                    slave.doStep(now, then - now)
+                    reached += 1
+                    if experiment.record:
+                        rows.append(read())
+                end = perf_counter()
+            except FMICallException:
+                end = perf_counter()
+            nfev = slave.getInteger([self._reference["solver.nfev"]])[0]
+        failure = next((text for status, text in self._messages if status >= 3), "")
+        table = np.array(rows, dtype=float).reshape(len(rows), len(experiment.record))
+        return Run(
+            t=np.array(times[: reached + 1]),
+            columns={name: table[:, i] for i, name in enumerate(experiment.record)},
+            seconds=end - begin,
+            nfev=nfev,
+            failure=failure,
+            warnings=[text for status, text in self._messages if status == 1],
+        )
+
+    def _reader(self, names: Sequence[str]) -> Callable[[], list[float]]:
+        slave, n = self._slave, len(names)
+        references = (c_uint * n)(*(self._reference[name] for name in names))
+        values = (c_double * n)()
+
+        def read() -> list[float]:
+            if n:
+                slave.fmi2GetReal(slave.component, references, n, values)
+            return list(values)
+
+        return read
+
+
+def degrees(angle: float) -> dict[str, float]:
+    """Return the start value of an undamped swing from `angle` [deg]."""
+    return {"gamma": 0.0, "phi_start": radians(angle)}

@@ -1,0 +1,271 @@
+"""Exact answers of the pendulum: the truth that the FMU is held against.
+
+No formula here integrates a differential equation numerically, and nothing is shared with the sources of the FMU. Notation:
+
+    phi'' + k2*phi' + w02*sin(phi) = drive        k2 = gamma/m [1/s], w02 = g/L [1/s2], drive = tau/(m*L^2) [1/s2]
+
+with sin(phi) replaced by phi where a function says "linear". Times are in s, angles in rad, rates in rad/s; arguments `t` may be
+arrays of any shape, and results have that shape.
+
+Sources: [C] J. A. Crawford, "Pendulums and Elliptic Integrals"; [G] G. Grillo, "Exercise: the pendulum", both with
+their misprints corrected; [DLMF] Digital Library of Mathematical Functions, chapters 7, 19, 22.
+"""
+
+from __future__ import annotations
+
+from decimal import Decimal, localcontext
+from math import atan2, copysign, cos, pi, sin, sqrt, tan
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ellipe, ellipj, ellipk, ellipkm1, elliprf, wofz
+
+Array = NDArray[np.float64]
+State = tuple[Array, Array]
+
+
+# Period of the undamped pendulum
+
+
+def agm(a: float, b: float) -> float:
+    """Return the arithmetic-geometric mean of two positive numbers; [C] (20), [DLMF] 19.8.1."""
+    while abs(a - b) > 4e-16 * a:
+        a, b = (a + b) / 2, sqrt(a * b)
+    return (a + b) / 2
+
+
+def period(amplitude: float, w02: float) -> float:
+    """Return the period [s] of undamped swings, T = 2*pi/(w0*AGM(1, cos(amplitude/2))).
+
+    [C] (14) and (20), with AGM(1 + k, 1 - k) = AGM(1, k'), which does not cancel near the upright position. The
+    `amplitude` [rad] lies between 0 and pi, both excluded.
+    """
+    return 2 * pi / (sqrt(w02) * agm(1.0, cos(amplitude / 2)))
+
+
+def period_by_ellipkm1(amplitude: float, w02: float) -> float:
+    """Return the same period from SciPy's K of the complementary parameter, T = 4*K/w0; [C] (14)."""
+    return float(4 * ellipkm1(cos(amplitude / 2) ** 2) / sqrt(w02))
+
+
+def period_by_ellipk(amplitude: float, w02: float) -> float:
+    """Return the same period from ellipk(sin^2): the obvious formula, wrong by 3e-6 near the upright position."""
+    return float(4 * ellipk(sin(amplitude / 2) ** 2) / sqrt(w02))
+
+
+def period_slope(amplitude: float, w02: float) -> float:
+    """Return dT/d(amplitude) [s/rad] = (2/w0)*dK/dk*k', the conditioning of the period; [DLMF] 19.4.1."""
+    k, k1 = sin(amplitude / 2), cos(amplitude / 2)
+    K, E = float(ellipkm1(k1 * k1)), float(ellipe(k * k))
+    return 2 / sqrt(w02) * k1 * (E - k1 * k1 * K) / (k * k1 * k1)
+
+
+# Motion of the undamped pendulum
+
+
+def jacobi(u: ArrayLike, m1: float) -> tuple[Array, Array, Array]:
+    """Return sn, cn, dn of `u` for the complementary parameter m1 = 1 - m, 0 < m1 <= 1.
+
+    SciPy's ellipj for m <= 1/2; beyond it the sums of [DLMF] 22.11-22.12 over hyperbolic functions, because ellipj
+    fails for m >= 1 - 1e-10.
+    """
+    u = np.asarray(u, dtype=float)
+    if m1 >= 0.5:
+        sn, cn, dn, _ = ellipj(u, 1 - m1)
+        return sn, cn, dn
+    k = sqrt(1 - m1)
+    K, K1 = float(ellipkm1(m1)), float(ellipk(m1))
+    c = pi / (2 * K1)
+    u = u - 4 * K * np.round(u / (4 * K))
+    sn, cn, dn = np.tanh(c * u), 1 / np.cosh(c * u), 1 / np.cosh(c * u)
+    for n in range(1, 15):  # exp(-2*c*K*14) < 1e-19 for every m >= 1/2
+        sign = (-1) ** n
+        minus, plus = c * (u - 2 * n * K), c * (u + 2 * n * K)
+        sech = _sech(minus) + _sech(plus)
+        sn += sign * (np.tanh(minus) + np.tanh(plus))
+        cn += sign * sech
+        dn += sech
+    return c / k * sn, c / k * cn, c * dn
+
+
+def _sech(x: Array) -> Array:
+    return 2 * np.exp(-np.abs(x)) / (1 + np.exp(-2 * np.abs(x)))
+
+
+def libration(t: ArrayLike, amplitude: float, w02: float) -> State:
+    """Return phi and w of undamped swings released at rest from `amplitude`, |amplitude| < pi.
+
+    phi = 2*atan2(k*cn, k'), w = -2*k*k'*w0*sn/dn at u = w0*t: no arcsine, so no loss of digits at the turning points.
+    """
+    k, k1, w0 = sin(amplitude / 2), cos(amplitude / 2), sqrt(w02)
+    if k == 0:
+        return np.zeros_like(t, dtype=float), np.zeros_like(t, dtype=float)
+    sn, cn, dn = jacobi(w0 * np.asarray(t, dtype=float), k1 * k1)
+    return 2 * np.arctan2(k * cn, k1), -2 * k * k1 * w0 * sn / dn
+
+
+def motion(t: ArrayLike, phi0: float, rate0: float, w02: float) -> State:
+    """Return phi and w of the undamped pendulum from any initial state; [DLMF] 22.19(i).
+
+    Swings for m < 1, the separatrix for m = 1, rotation over the top for m > 1, where m = sin(phi0/2)^2 + (rate0/(2*w0))^2
+    is the energy in units of that of the upright position.
+    """
+    turns = round(phi0 / (2 * pi))
+    start = phi0 - 2 * pi * turns
+    phi, w = _motion_from_first_turn(np.asarray(t, dtype=float), start, rate0, w02)
+    return phi + 2 * pi * turns, w
+
+
+def _motion_from_first_turn(t: Array, start: float, rate0: float, w02: float) -> State:
+    if rate0 == 0:
+        return libration(t, start, w02)
+    w0, sign = sqrt(w02), copysign(1.0, rate0)
+    b = rate0 / (2 * w0)
+    k = sqrt(sin(start / 2) ** 2 + b * b)
+    m1 = complement(start, rate0, w02)
+    if m1 > 0:
+        u0 = _incomplete(atan2(sin(start / 2), b), m1)
+        sn, cn, dn = jacobi(w0 * t + u0, m1)
+        return 2 * np.arctan2(k * sn, dn), 2 * k * w0 * cn
+    if m1 == 0:
+        u = w0 * t + sign * float(np.arcsinh(tan(start / 2)))
+        return 2 * sign * np.arctan(np.sinh(u)), 2 * w0 * sign / np.cosh(u)
+    reciprocal_m1 = -m1 / k**2  # 1 - 1/m
+    u = k * w0 * t + sign * _incomplete(start / 2, reciprocal_m1)
+    K = float(ellipkm1(reciprocal_m1))
+    half_turns = np.round(u / (2 * K))
+    sn, cn, dn = jacobi(u - 2 * K * half_turns, reciprocal_m1)
+    return 2 * sign * (np.arctan2(sn, cn) + pi * half_turns), 2 * k * w0 * sign * dn
+
+
+def complement(phi0: float, rate0: float, w02: float) -> float:
+    """Return 1 - m = cos(phi0/2)^2 - rate0^2/(4*w02), the distance from the separatrix.
+
+    The difference is formed in 50 digits from the doubles given: in doubles it loses all its digits near the separatrix.
+    """
+    with localcontext() as context:
+        context.prec = 50
+        x = Decimal(phi0)
+        term = total = Decimal(1)
+        n = 0
+        while abs(term) > Decimal(10) ** -48:
+            n += 2
+            term *= -x * x / (n * (n - 1))
+            total += term
+        return float((1 + total) / 2 - Decimal(rate0) ** 2 / (4 * Decimal(w02)))
+
+
+def _incomplete(angle: float, m1: float) -> float:
+    """Return F(angle | 1 - m1) for |angle| <= pi by Carlson's R_F; [DLMF] 19.25.5."""
+    if abs(angle) > pi / 2:
+        return copysign(2 * float(ellipkm1(m1)), angle) - _incomplete(copysign(pi, angle) - angle, m1)
+    s, c = sin(angle), cos(angle)
+    return float(s * elliprf(c * c, c * c + m1 * s * s, 1.0))
+
+
+# Linear pendulum
+
+
+def impulse_response(t: ArrayLike, k2: float, w02: float) -> State:
+    """Return the linear response and its rate, for t >= 0, to a unit impulse of the drive at t = 0.
+
+    [G] with nabla = 4*w02 - k2^2: h = exp(-k2*t/2)*sin(a*t)/a, a^2 = w02 - k2^2/4, and its limits for critical and strong
+    damping. The slow root of strong damping is w02 over the fast one, which does not cancel.
+    """
+    t = np.asarray(t, dtype=float)
+    half = k2 / 2
+    discriminant = w02 - half * half
+    if discriminant >= 0:
+        a = sqrt(discriminant)
+        decay = np.exp(-half * t)
+        sine = t * np.sinc(a * t / pi)
+        return decay * sine, decay * (np.cos(a * t) - half * sine)
+    fast, slow = real_roots(k2, w02)
+    difference = fast - slow
+    h = -np.exp(-slow * t) * np.expm1(-difference * t) / difference
+    return h, np.exp(-fast * t) - slow * h
+
+
+def real_roots(k2: float, w02: float) -> tuple[float, float]:
+    """Return the fast and the slow decay rate [1/s] of a strongly damped linear pendulum."""
+    fast = k2 / 2 + sqrt(k2 * k2 / 4 - w02)
+    return fast, w02 / fast
+
+
+def free_evolution(t: ArrayLike, phi0: float, rate0: float, k2: float, w02: float) -> State:
+    """Return the linear motion and its rate from an initial state without drive; [G] with the roots corrected."""
+    h, hdot = impulse_response(t, k2, w02)
+    return phi0 * (hdot + k2 * h) + rate0 * h, rate0 * hdot - phi0 * w02 * h
+
+
+def step_response(t: ArrayLike, k2: float, w02: float) -> State:
+    """Return the linear response and its rate, for t >= 0, to a unit step of the drive at t = 0."""
+    t = np.asarray(t, dtype=float)
+    h, hdot = impulse_response(t, k2, w02)
+    if k2 * k2 / 4 > w02:
+        fast, slow = real_roots(k2, w02)
+        return (-np.expm1(-slow * t) * fast + np.expm1(-fast * t) * slow) / (fast - slow) / w02, h
+    return (1 - (hdot + k2 * h)) / w02, h
+
+
+def pulse_response(t: ArrayLike, width: float, k2: float, w02: float) -> State:
+    """Return the linear response and its rate to a rectangular pulse of the drive of unit area from 0 to `width`."""
+    t = np.asarray(t, dtype=float)
+    rise, rise_rate = step_response(t, k2, w02)
+    fall, fall_rate = step_response(np.maximum(t - width, 0.0), k2, w02)
+    return (rise - fall) / width, (rise_rate - fall_rate) / width
+
+
+def frequency_response(w: ArrayLike, k2: float, w02: float) -> NDArray[np.complex128]:
+    """Return the linear frequency response 1/(w02 - w^2 + i*k2*w) at the angular frequencies `w` [rad/s]; [G]."""
+    w = np.asarray(w, dtype=float)
+    return np.asarray(1 / (w02 - w * w + 1j * k2 * w))
+
+
+def gaussian_response(
+    t: ArrayLike, area: float, center: float, variance: float, k2: float, w02: float, start: float | None = None
+) -> State:
+    """Return the linear response and its rate to the drive area*exp(-(t - center)^2/(2*variance)), causal.
+
+    The pendulum is at rest at `start`, or at minus infinity for None. Closed form with the Faddeeva function; [G] with
+    the lower limit of the convolution, the factor `area`, the square completion and the signs corrected. `area` is the
+    peak [1/s2], `variance` is in s2.
+    """
+    t = np.asarray(t, dtype=float)
+    alpha = k2 / 2
+    if alpha * alpha <= w02:
+        beta = sqrt(w02 - alpha * alpha)
+        J = _gaussian_integral(t, center, variance, complex(alpha, -beta), start)
+        return area / beta * J.imag, area * (J.real - alpha / beta * J.imag)
+    fast, slow = real_roots(k2, w02)
+    of_fast = _gaussian_integral(t, center, variance, complex(fast), start).real
+    of_slow = _gaussian_integral(t, center, variance, complex(slow), start).real
+    return (
+        area * (of_slow - of_fast) / (fast - slow),
+        area * (fast * of_fast - slow * of_slow) / (fast - slow),
+    )
+
+
+def _gaussian_integral(
+    t: Array, center: float, variance: float, root: complex, start: float | None
+) -> NDArray[np.complex128]:
+    """Return the integral of exp(-root*s - (s - mu)^2/(2*variance)) over s from 0 to t - start, mu = t - center."""
+    mu = t - center
+    width = sqrt(2 * variance)
+    scale = sqrt(pi * variance / 2)
+    z = (root * variance - mu) / width
+    reflected = z.real < 0
+    value = np.exp(-mu * mu / (2 * variance)) * wofz(1j * np.where(reflected, -z, z))
+    # Only where it is used: elsewhere it may overflow.
+    whole = 2 * np.exp(np.where(reflected, -root * mu + root * root * variance / 2, 0))
+    if start is None:
+        return np.asarray(scale * np.where(reflected, whole - value, value))
+    span = t - start
+    z_end = (span - mu + root * variance) / width
+    end_reflected = z_end.real < 0
+    end = np.exp(-root * span - (span - mu) ** 2 / (2 * variance)) * wofz(
+        1j * np.where(end_reflected, -z_end, z_end)
+    )
+    # Where both are reflected the two `whole` terms cancel exactly.
+    result = np.where(reflected, -value, value) - np.where(end_reflected, -end, end)
+    return np.asarray(scale * np.where(reflected & ~end_reflected, result + whole, result))

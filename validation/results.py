@@ -1,0 +1,86 @@
+"""What a study yields: checks for the tables and pytest, tables and plots for the report. Data only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+
+@dataclass(frozen=True)
+class Check:
+    """A number that the FMU gave, and the bound it must keep.
+
+    Attributes
+    ----------
+    name : the claim
+    measured : the number
+    bound : what `measured` must not exceed, or, with `at_least`, not fall below
+    reason : where the bound comes from
+    unit : of both numbers, "" for a pure number
+    at_least : whether `bound` is a lower one
+    """
+
+    name: str
+    measured: float
+    bound: float
+    reason: str
+    unit: str = ""
+    at_least: bool = False
+
+    @property
+    def holds(self) -> bool:
+        """Whether the bound is kept; never so for NaN."""
+        return self.measured >= self.bound if self.at_least else self.measured <= self.bound
+
+    @property
+    def margin(self) -> float:
+        """How often the measured number fits into the bound; above 1 it holds."""
+        small, large = (self.bound, self.measured) if self.at_least else (self.measured, self.bound)
+        return inf if small == 0 else large / small
+
+    def __str__(self) -> str:
+        relation = ">=" if self.at_least else "<="
+        verdict = "holds" if self.holds else "FAILS"
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.name}: {self.measured:.3g} {relation} {self.bound:.3g}{unit} {verdict} ({self.reason})"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the report; `columns` are the headers with units, cells are shown as they are, numbers with 6 digits."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line of a plot; the style is chosen so that black and white is enough."""
+
+    label: str
+    x: Sequence[float]
+    y: Sequence[float]
+    line: str = "-"
+    marker: str = ""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A picture of the report as data: curves, or a map of values 0..1 over a logarithmic plane with curves on it."""
+
+    title: str
+    x_label: str
+    y_label: str
+    curves: Sequence[Curve]
+    logarithmic: str = ""  # "x", "y" or "xy"
+    note: str = ""
+    y_range: tuple[float, float] | None = None
+    shade: tuple[Sequence[float], Sequence[float], Sequence[Sequence[float]]] | None = field(
+        default=None, repr=False
+    )
+
+
+Result = Check | Table | Plot
