@@ -19,6 +19,7 @@ import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from math import hypot, inf
 from pathlib import Path
 from typing import NoReturn
@@ -70,9 +71,9 @@ def build(output: Path = DEFAULT_OUTPUT, sources: Path = SOURCES) -> Path:
         if problems:
             raise BuildError("\n".join(problems))
         output.parent.mkdir(parents=True, exist_ok=True)
-        partial = output.with_name(f".{output.name}.partial")
-        shutil.copyfile(packed, partial)
-        partial.replace(output)
+        unfinished = output.with_name(f".{output.name}.partial")
+        shutil.copyfile(packed, unfinished)
+        unfinished.replace(output)
     return output
 
 
@@ -90,7 +91,10 @@ def stage(sources: Path, folder: Path) -> Path:
     shutil.copytree(sources / PACKAGE, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     script = folder / f"{package}_slave.py"
     text, replaced = re.subn(
-        rf"^from {PACKAGE}\b", f"from {package}", (sources / "slave.py").read_text("utf-8"), flags=re.MULTILINE
+        rf"^from {PACKAGE}\b",
+        f"from {package}",
+        (sources / "slave.py").read_text("utf-8"),
+        flags=re.MULTILINE,
     )
     if not replaced:
         raise BuildError(f"slave.py imports nothing from {PACKAGE}")
@@ -161,7 +165,15 @@ def method_rows() -> list[Sequence[str]]:
     w02 = interface.DEFAULTS["g"] / interface.DEFAULTS["L"]
     damping_rate = interface.DEFAULTS["gamma"] / interface.DEFAULTS["m"]
     rows: list[Sequence[str]] = [
-        ("value", "solver.method", "order", "evaluations per substep", "stable to, undamped", "default", "stiff")
+        (
+            "value",
+            "solver.method",
+            "order",
+            "evaluations per substep",
+            "stable to, undamped",
+            "default",
+            "stiff",
+        )
     ]
     for method in SolverMethod:
         known = METHODS[method]
@@ -215,9 +227,7 @@ def icon(size: int = 96) -> bytes:
     def ink(x: float, y: float) -> float:
         along = ((x - pivot[0]) * (bob[0] - pivot[0]) + (y - pivot[1]) * (bob[1] - pivot[1])) / length**2
         along = min(1.0, max(0.0, along))
-        rod = hypot(
-            x - pivot[0] - along * (bob[0] - pivot[0]), y - pivot[1] - along * (bob[1] - pivot[1])
-        )
+        rod = hypot(x - pivot[0] - along * (bob[0] - pivot[0]), y - pivot[1] - along * (bob[1] - pivot[1]))
         radius = hypot(x - pivot[0], y - pivot[1])
         arc = abs(radius - length) if y > 0.6 else 1.0
         ceiling = abs(y - pivot[1]) if abs(x - pivot[0]) < 0.18 else 1.0
@@ -241,12 +251,16 @@ def icon(size: int = 96) -> bytes:
     )
 
 
+def _between_marks(table: str, found: re.Match[str]) -> str:
+    return f"{found[1]}\n{table}\n{found[2]}"
+
+
 def readme_with_tables(text: str) -> str:
     """Return README with its tables of variables and methods made anew."""
     for mark, rows in (("variables", variable_rows()), ("methods", method_rows())):
         text = re.sub(
             rf"(<!-- {mark} -->\n).*?(<!-- end of {mark} -->)",
-            lambda found, rows=rows: found[1] + "\n" + markdown(rows) + "\n" + found[2],
+            partial(_between_marks, markdown(rows)),
             text,
             flags=re.DOTALL,
         )

@@ -11,6 +11,9 @@ from math import inf, isfinite
 from typing import Any, NoReturn
 from xml.etree.ElementTree import Element
 
+from pythonfmu import Boolean, DefaultExperiment, Fmi2Slave, Integer, Real, String
+from pythonfmu.enums import Fmi2Status
+
 from damped_pendulum.fmi2 import complete, describe, keep_alive, scalar_variable
 from damped_pendulum.interface import (
     AUTHOR,
@@ -27,13 +30,12 @@ from damped_pendulum.interface import (
 from damped_pendulum.model import Pendulum
 from damped_pendulum.solvers import (
     METHODS,
+    Solver,
     SolverMethod,
     stability_limit,
     substeps,
     unique_root_limit,
 )
-from pythonfmu import Boolean, DefaultExperiment, Fmi2Slave, Integer, Real, String
-from pythonfmu.enums import Fmi2Status
 
 VALUE_REFERENCE = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
 TAU = VALUE_REFERENCE["tau"]
@@ -57,6 +59,12 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
+        self._phi: float
+        self._w: float
+        self._pendulum: Pendulum
+        self._tau_of_motion: float | None  # the torque that `_motion` was made for
+        self._solve: Solver
+        self._max_step: float
         self._values: list[Any] = [variable.start for variable in VARIABLES]
         self._mode = "instantiated"
         self._latest_end = inf
@@ -121,9 +129,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         True; a step that cannot be carried out raises, because importers take False for the end of the run
         """
         end = current_time + step_size
-        if self._mode != "stepping" or not (
-            0.0 < step_size < inf and -inf < end <= self._latest_end
-        ):
+        if self._mode != "stepping" or not (0.0 < step_size < inf and -inf < end <= self._latest_end):
             self._refuse_step(current_time, step_size)
         tau = self._values[TAU]
         if tau != self._tau_of_motion:
@@ -260,7 +266,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         """Take the state from the start values, so that the outputs are right before the first step, too."""
         self._phi, self._w = self._value("phi_start"), self._value("w_start")
         self._pendulum = Pendulum(*(self._value(name) for name in Pendulum._fields))
-        self._tau_of_motion: float | None = None
+        self._tau_of_motion = None
 
     def _choose_solver(self) -> None:
         motion = self._pendulum.motion()

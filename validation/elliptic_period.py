@@ -61,18 +61,14 @@ class FormulaScene:
     slow: bool = False
 
 
-# Substeps per period where the next term of the error expansion, a relative h*w0*pi for the Euler methods and less for the
-# others, changes the observed order by less than 0.1; rounding is still far below.
+# Substeps per period where the next term of the error expansion, a relative h*w0*pi for the Euler methods and less
+# for the others, changes the observed order by less than 0.1; rounding is still far below.
 ORDERS = ((EULER, 1, 2000), (IMPLICIT_EULER, 1, 2000), (MIDPOINT, 2, 400), (RK4, 4, 200))
 
 SCENES = (
     FormulaScene(),
     *(PeriodScene(amplitude, g) for g in GRAVITIES for amplitude in AMPLITUDES),
-    *(
-        OrderScene(method, order, amplitude, n)
-        for method, order, n in ORDERS
-        for amplitude in (30, 90)
-    ),
+    *(OrderScene(method, order, amplitude, n) for method, order, n in ORDERS for amplitude in (30, 90)),
 )
 
 
@@ -87,7 +83,7 @@ def run(fmu: Fmu, scene: PeriodScene | OrderScene | FormulaScene) -> Iterator[Re
 
 
 def measured_period(fmu: Fmu, amplitude: float, g: float, substep: float) -> float:
-    """Return the mean period [s] that the FMU shows over `PERIODS` swings from `amplitude` [rad], NaN if it shows none."""
+    """Return the mean period [s] of `PERIODS` swings of the FMU from `amplitude` [rad], NaN if it shows fewer."""
     exact = references.period(amplitude, g)
     run = fmu.run(
         Experiment(
@@ -105,8 +101,8 @@ def _period(fmu: Fmu, scene: PeriodScene) -> Iterator[Result]:
     amplitude = radians(scene.amplitude)
     exact = references.period(amplitude, scene.g)
     fine, coarse, coarser = (measured_period(fmu, amplitude, scene.g, n * SUBSTEP) for n in (1, 2, 4))
-    # The method's phase error grows like h^4; its amplitude drifts like h^5, which dT/d(amplitude) turns into a period error.
-    # Differences of the three runs give both: coarse - fine = 15*phase + 31*drift, and 16 and 32 times that one step further.
+    # The method's phase error grows like h^4; its amplitude drifts like h^5, which changes the period. Differences of
+    # the three runs give both: coarse - fine = 15*phase + 31*drift, and 16 and 32 times that one step further.
     phase = (32 * (coarse - fine) - (coarser - coarse)) / (16 * 15)
     drift = ((coarser - coarse) - 16 * (coarse - fine)) / (16 * 31)
     truncation = abs(phase) + abs(drift)
@@ -142,9 +138,7 @@ def _order(fmu: Fmu, scene: OrderScene) -> Iterator[Result]:
         )
         errors.append(state_error(run["phi"], run["w"], references.libration(run.t, amplitude, W02)))
     order = observed_order(*errors)
-    yield Check(
-        scene.name, abs(order - scene.order), 0.1, f"observed {order:.3f}, theory {scene.order}"
-    )
+    yield Check(scene.name, abs(order - scene.order), 0.1, f"observed {order:.3f}, theory {scene.order}")
 
 
 def _formulas() -> Iterator[Result]:

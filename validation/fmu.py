@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
 from ctypes import c_double, c_uint
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import pi, radians, sqrt
 from pathlib import Path
 from time import perf_counter
@@ -36,7 +37,7 @@ W0 = sqrt(W02)
 T0 = 2 * pi / W0
 
 
-class UnusableFmu(Exception):
+class UnusableFmuError(Exception):
     """A file that is not the FMU of this project, with what is wrong."""
 
 
@@ -68,7 +69,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Run:
-    """Recorded outputs, one column each, up to the point where the FMU failed (`failure` says why, "" if it did not)."""
+    """Recorded outputs up to the stop, or to where the FMU failed: `failure` says why, "" if it did not."""
 
     t: NDArray[np.float64]
     columns: Mapping[str, NDArray[np.float64]]
@@ -86,22 +87,22 @@ class Fmu:
 
     Raises
     ------
-    UnusableFmu : no such file, no FMU, or one of another interface
+    UnusableFmuError : no such file, no FMU, or one of another interface
     """
 
     def __init__(self, path: Path = DEFAULT_PATH) -> None:
         self.path = path
         if not path.is_file():
-            raise UnusableFmu(f"{path} does not exist: build it with python build_fmu.py")
+            raise UnusableFmuError(f"{path} does not exist: build it with python build_fmu.py")
         try:
             self.description = fmpy.read_model_description(str(path))
         except Exception as error:  # FMPy raises many kinds
             reason = str(error).split("\n", 1)[0]
-            raise UnusableFmu(f"{path} is not a readable FMU: {reason}") from None
+            raise UnusableFmuError(f"{path} is not a readable FMU: {reason}") from None
         self._reference = {v.name: v.valueReference for v in self.description.modelVariables}
         missing = [name for name in (*PARAMETERS, "tau", *OUTPUTS) if name not in self._reference]
         if missing:
-            raise UnusableFmu(f"{path} has another interface: no variable {', '.join(missing)}")
+            raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
         self._messages: list[tuple[int, str]] = []
         self._folder = fmpy.extract(str(path))
         self._slave = fmpy.instantiate_fmu(
@@ -144,7 +145,7 @@ class Fmu:
                 slave.exitInitializationMode()
                 rows.append(read())
                 begin = perf_counter()
-                for now, then in zip(times, times[1:], strict=False):
+                for now, then in pairwise(times):
                     if experiment.torque is not None:
                         slave.setReal([self._reference["tau"]], [experiment.torque(now)])
                     slave.doStep(now, then - now)

@@ -82,10 +82,13 @@ def run(fmu: Fmu, scene: ImpulseScene | PulseScene | NonlinearScene) -> Iterator
         yield from _nonlinear(fmu, scene)
 
 
-def truncation(state: tuple[NDArray[np.float64], NDArray[np.float64]], k2: float, w02: float) -> NDArray[np.float64]:
+def truncation(
+    state: tuple[NDArray[np.float64], NDArray[np.float64]], k2: float, w02: float
+) -> NDArray[np.float64]:
     """Return the growth rate of the error of phi [rad/s] that RK4 makes along an exact linear motion, h^4/120*A^5*y.
 
-    A is the matrix of y' = A*y, y = (phi, w). The defect commutes with the flow, so the error after the time t is t times this.
+    A is the matrix of y' = A*y, y = (phi, w). The defect commutes with the flow, so the error after the time t is t
+    times this.
     """
     A = np.array([[0.0, 1.0], [-w02, -k2]])
     return np.asarray(SUBSTEP**4 / 120 * np.abs((np.linalg.matrix_power(A, 5) @ np.vstack(state))[0]))
@@ -146,8 +149,15 @@ def _misprint(run: Run, response: NDArray[np.float64], peak: float) -> Iterator[
         "t [s]",
         "|error|/peak",
         [
-            Curve("FMU against the closed form", t[1:].tolist(), (np.abs(response - exact)[1:] / peak).tolist()),
-            Curve("FMU against the misprint", t[1:].tolist(), (np.abs(response - printed)[1:] / peak).tolist(), "--"),
+            Curve(
+                "FMU against the closed form", t[1:].tolist(), (np.abs(response - exact)[1:] / peak).tolist()
+            ),
+            Curve(
+                "FMU against the misprint",
+                t[1:].tolist(),
+                (np.abs(response - printed)[1:] / peak).tolist(),
+                "--",
+            ),
         ],
         logarithmic="y",
     )

@@ -26,11 +26,14 @@ def observed_order(coarse: float, fine: float) -> float:
 def upward_crossings(t: Array, phi: Array, w: Array, a: Array) -> list[float]:
     """Return the times [s] at which phi passes zero upwards, by quintic Hermite interpolation.
 
-    The interpolant uses angle, rate and acceleration at both ends of a step H; its crossing time is in error by O(H^6), and
-    by O(H^7) without damping, where the acceleration vanishes with the angle.
+    The interpolant uses angle, rate and acceleration at both ends of a step H; its crossing time is in error by
+    O(H^6), and by O(H^7) without damping, where the acceleration vanishes with the angle.
     """
     return [
-        float(t[i] + (t[i + 1] - t[i]) * _root(_quintic(t[i + 1] - t[i], phi[i : i + 2], w[i : i + 2], a[i : i + 2])))
+        float(
+            t[i]
+            + (t[i + 1] - t[i]) * _root(_quintic(t[i + 1] - t[i], phi[i : i + 2], w[i : i + 2], a[i : i + 2]))
+        )
         for i in np.flatnonzero((phi[:-1] < 0) & (phi[1:] >= 0))
     ]
 

@@ -1,11 +1,12 @@
 """Exact answers of the pendulum: the truth that the FMU is held against.
 
-No formula here integrates a differential equation numerically, and nothing is shared with the sources of the FMU. Notation:
+No formula here integrates a differential equation numerically, and nothing is shared with the sources of the
+FMU. Notation:
 
     phi'' + k2*phi' + w02*sin(phi) = drive        k2 = gamma/m [1/s], w02 = g/L [1/s2], drive = tau/(m*L^2) [1/s2]
 
-with sin(phi) replaced by phi where a function says "linear". Times are in s, angles in rad, rates in rad/s; arguments `t` may be
-arrays of any shape, and results have that shape.
+with sin(phi) replaced by phi where a function says "linear". Times are in s, angles in rad, rates in rad/s;
+arguments `t` may be arrays of any shape, and results have that shape.
 
 Sources: [C] J. A. Crawford, "Pendulums and Elliptic Integrals"; [G] G. Grillo, "Exercise: the pendulum", both with
 their misprints corrected; [DLMF] Digital Library of Mathematical Functions, chapters 7, 19, 22.
@@ -71,7 +72,7 @@ def jacobi(u: ArrayLike, m1: float) -> tuple[Array, Array, Array]:
     """
     u = np.asarray(u, dtype=float)
     if m1 >= 0.5:
-        sn, cn, dn, _ = ellipj(u, 1 - m1)
+        sn, cn, dn = (np.asarray(x, dtype=float) for x in ellipj(u, 1 - m1)[:3])
         return sn, cn, dn
     k = sqrt(1 - m1)
     K, K1 = float(ellipkm1(m1)), float(ellipk(m1))
@@ -85,7 +86,7 @@ def jacobi(u: ArrayLike, m1: float) -> tuple[Array, Array, Array]:
         sn += sign * (np.tanh(minus) + np.tanh(plus))
         cn += sign * sech
         dn += sech
-    return c / k * sn, c / k * cn, c * dn
+    return np.asarray(c / k * sn), np.asarray(c / k * cn), np.asarray(c * dn)
 
 
 def _sech(x: Array) -> Array:
@@ -107,8 +108,8 @@ def libration(t: ArrayLike, amplitude: float, w02: float) -> State:
 def motion(t: ArrayLike, phi0: float, rate0: float, w02: float) -> State:
     """Return phi and w of the undamped pendulum from any initial state; [DLMF] 22.19(i).
 
-    Swings for m < 1, the separatrix for m = 1, rotation over the top for m > 1, where m = sin(phi0/2)^2 + (rate0/(2*w0))^2
-    is the energy in units of that of the upright position.
+    Swings for m < 1, the separatrix for m = 1, rotation over the top for m > 1, where
+    m = sin(phi0/2)^2 + (rate0/(2*w0))^2 is the energy in units of that of the upright position.
     """
     turns = round(phi0 / (2 * pi))
     start = phi0 - 2 * pi * turns
@@ -141,7 +142,7 @@ def _motion_from_first_turn(t: Array, start: float, rate0: float, w02: float) ->
 def complement(phi0: float, rate0: float, w02: float) -> float:
     """Return 1 - m = cos(phi0/2)^2 - rate0^2/(4*w02), the distance from the separatrix.
 
-    The difference is formed in 50 digits from the doubles given: in doubles it loses all its digits near the separatrix.
+    The difference is formed in 50 digits from the doubles given: doubles lose all its digits near the separatrix.
     """
     with localcontext() as context:
         context.prec = 50
@@ -169,8 +170,8 @@ def _incomplete(angle: float, m1: float) -> float:
 def impulse_response(t: ArrayLike, k2: float, w02: float) -> State:
     """Return the linear response and its rate, for t >= 0, to a unit impulse of the drive at t = 0.
 
-    [G] with nabla = 4*w02 - k2^2: h = exp(-k2*t/2)*sin(a*t)/a, a^2 = w02 - k2^2/4, and its limits for critical and strong
-    damping. The slow root of strong damping is w02 over the fast one, which does not cancel.
+    [G] with nabla = 4*w02 - k2^2: h = exp(-k2*t/2)*sin(a*t)/a, a^2 = w02 - k2^2/4, and its limits for critical
+    and strong damping. The slow root of strong damping is w02 over the fast one, which does not cancel.
     """
     t = np.asarray(t, dtype=float)
     half = k2 / 2
@@ -223,7 +224,13 @@ def frequency_response(w: ArrayLike, k2: float, w02: float) -> NDArray[np.comple
 
 
 def gaussian_response(
-    t: ArrayLike, area: float, center: float, variance: float, k2: float, w02: float, start: float | None = None
+    t: ArrayLike,
+    area: float,
+    center: float,
+    variance: float,
+    k2: float,
+    w02: float,
+    start: float | None = None,
 ) -> State:
     """Return the linear response and its rate to the drive area*exp(-(t - center)^2/(2*variance)), causal.
 

@@ -48,7 +48,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the report; `columns` are the headers with units, cells are shown as they are, numbers with 6 digits."""
+    """A table of the report: headers with units, and cells that are shown as they are, numbers with six digits."""
 
     title: str
     columns: Sequence[str]
@@ -77,10 +77,19 @@ class Plot:
     curves: Sequence[Curve]
     logarithmic: str = ""  # "x", "y" or "xy"
     note: str = ""
+    headline: bool = False  # shown at the top of the report, too
     y_range: tuple[float, float] | None = None
     shade: tuple[Sequence[float], Sequence[float], Sequence[Sequence[float]]] | None = field(
         default=None, repr=False
     )
 
 
-Result = Check | Table | Plot
+@dataclass(frozen=True)
+class Note:
+    """A conclusion in plain words."""
+
+    text: str
+    headline: bool = False
+
+
+Result = Check | Table | Plot | Note

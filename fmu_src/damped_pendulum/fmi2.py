@@ -39,9 +39,7 @@ class TypedReal(Real):  # type: ignore[misc]  # pythonfmu is not typed
     """A Real with the type, unit, minimum, nominal and exact start value of its row in the interface table."""
 
     def __init__(self, variable: Variable) -> None:
-        super().__init__(
-            variable.name, description=variable.description, **_CAUSALITY[variable.causality]
-        )
+        super().__init__(variable.name, description=variable.description, **_CAUSALITY[variable.causality])
         self.variable = variable
 
     def to_xml(self) -> Element:
@@ -108,13 +106,9 @@ def _type_definitions() -> Element:
         "Enumeration",
     )
     for method, description in SOLVER_METHODS.items():
-        SubElement(
-            enumeration, "Item", name=method.name, value=str(method.value), description=description
-        )
+        SubElement(enumeration, "Item", name=method.name, value=str(method.value), description=description)
     for type_ in TYPES:
-        SubElement(
-            SubElement(root, "SimpleType", name=type_.name), "Real", _real_attributes(type_)
-        )
+        SubElement(SubElement(root, "SimpleType", name=type_.name), "Real", _real_attributes(type_))
     return root
 
 
@@ -130,9 +124,7 @@ def _model_structure() -> Element:
                 (initial, variable.starts_from),
             ):
                 dependencies = " ".join(str(i) for i in sorted(index[name] for name in names))
-                SubElement(
-                    parent, "Unknown", index=str(index[variable.name]), dependencies=dependencies
-                )
+                SubElement(parent, "Unknown", index=str(index[variable.name]), dependencies=dependencies)
     return root
 
 

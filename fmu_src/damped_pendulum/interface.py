@@ -6,8 +6,9 @@ in README are made from them, and the checks of the parameters read the ranges f
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import inf, isfinite, pi
+from types import MappingProxyType
 from typing import NamedTuple
 
 from .solvers import METHODS, SolverMethod
@@ -24,8 +25,8 @@ class Unit(NamedTuple):
     """A unit: its exponents of the SI base units and, in `display`, unit -> factor (display = factor*value)."""
 
     name: str
-    base: dict[str, int]
-    display: dict[str, float] = {}
+    base: Mapping[str, int]
+    display: Mapping[str, float] = MappingProxyType({})
 
 
 class Type(NamedTuple):
@@ -149,9 +150,7 @@ VARIABLES = (
         "Angle from the downward vertical, not wrapped",
         starts_from=("phi_start",),
     ),
-    Variable(
-        "w", "AngularVelocity", "output", "Angular velocity (= der(phi))", starts_from=("w_start",)
-    ),
+    Variable("w", "AngularVelocity", "output", "Angular velocity (= der(phi))", starts_from=("w_start",)),
     Variable(
         "a",
         "AngularAcceleration",

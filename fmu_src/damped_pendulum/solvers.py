@@ -28,9 +28,7 @@ Solver = Callable[[Motion, float, float, float, int], tuple[float, float, int]]
 MAX_SUBSTEPS = 2**31 - 1
 
 
-def explicit_euler(
-    motion: Motion, phi: float, w: float, h: float, n: int
-) -> tuple[float, float, int]:
+def explicit_euler(motion: Motion, phi: float, w: float, h: float, n: int) -> tuple[float, float, int]:
     """Explicit (forward) Euler method: order 1, 1 stage.
 
     Crawford, eq. (25). Not the semi-implicit (symplectic) Euler method: both states advance with the
@@ -44,9 +42,7 @@ def explicit_euler(
     return phi, w, n
 
 
-def explicit_midpoint2(
-    motion: Motion, phi: float, w: float, h: float, n: int
-) -> tuple[float, float, int]:
+def explicit_midpoint2(motion: Motion, phi: float, w: float, h: float, n: int) -> tuple[float, float, int]:
     """Explicit midpoint method (modified Euler, "RK2"): order 2, 2 stages.
 
     Crawford, eqs. (29)-(31). Not Heun's method, which has the same stability function.
@@ -62,9 +58,7 @@ def explicit_midpoint2(
     return phi, w, 2 * n
 
 
-def explicit_runge_kutta4(
-    motion: Motion, phi: float, w: float, h: float, n: int
-) -> tuple[float, float, int]:
+def explicit_runge_kutta4(motion: Motion, phi: float, w: float, h: float, n: int) -> tuple[float, float, int]:
     """Classical Runge-Kutta method ("RK4"): order 4, 4 stages.
 
     Crawford, eq. (32).
@@ -85,9 +79,7 @@ def explicit_runge_kutta4(
     return phi, w, 4 * n
 
 
-def implicit_euler(
-    motion: Motion, phi: float, w: float, h: float, n: int
-) -> tuple[float, float, int]:
+def implicit_euler(motion: Motion, phi: float, w: float, h: float, n: int) -> tuple[float, float, int]:
     """Implicit (backward) Euler method on the nonlinear equation: order 1.
 
     Eliminating the new rate leaves one equation for the new angle x,
@@ -212,9 +204,7 @@ METHODS = {
         ),
         "Explicit Runge-Kutta method (order 4)",
     ),
-    SolverMethod.ImplicitEuler: Method(
-        implicit_euler, 1, None, inf, None, "Implicit Euler method (order 1)"
-    ),
+    SolverMethod.ImplicitEuler: Method(implicit_euler, 1, None, inf, None, "Implicit Euler method (order 1)"),
 }
 
 

@@ -1,0 +1,83 @@
+"""python -m validation: run the studies, print their tables, write the report."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from time import perf_counter
+from typing import NoReturn
+
+from . import report, studies
+from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
+from .results import Result
+
+
+class Parser(argparse.ArgumentParser):
+    """Command line whose errors are one line and exit status 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with `message`."""
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return 0 if all checks hold, 1 if not."""
+    parser = Parser(prog="python -m validation", description="Hold the FMU against exact answers.")
+    known = ", ".join(studies.NAMES)
+    parser.add_argument("studies", nargs="*", metavar="study", help=f"{known} (default: all)")
+    parser.add_argument("--fmu", type=Path, default=DEFAULT_PATH, metavar="FILE.fmu", help="the FMU")
+    parser.add_argument(
+        "--output", type=Path, default=Path("report"), metavar="DIR", help="where the report goes"
+    )
+    parser.add_argument("--no-plots", action="store_true", help="leave out the pictures")
+    options = parser.parse_args(arguments)
+    for name in options.studies:
+        if name not in studies.NAMES:
+            parser.error(f"unknown study {name!r} (allowed: {known})")
+    if options.output.exists() and not options.output.is_dir():
+        parser.error(f"--output {options.output}: must be a directory")
+    pictures = not options.no_plots
+    if pictures and find_spec("matplotlib") is None:
+        print("pictures are left out: they need matplotlib, pip install '.[report]'", file=sys.stderr)
+        pictures = False
+    try:
+        with Fmu(options.fmu) as fmu:
+            sections = list(run_studies(fmu, options.studies or studies.NAMES))
+    except UnusableFmuError as error:
+        parser.error(str(error))
+    page = report.write(sections, options.output, options.fmu, pictures)
+    print(f"\n{report.summary(sections)}\nreport: {page}")
+    return 0 if all(check.holds for section in sections for check in section.checks) else 1
+
+
+def run_studies(fmu: Fmu, names: Sequence[str]) -> Iterator[report.Section]:
+    """Run studies, show their progress and print each when it is done."""
+    loaded = [(name, studies.load(name)) for name in names]
+    total = sum(len(study.SCENES) for _, study in loaded)
+    done, begin = 0, perf_counter()
+    for name, study in loaded:
+        results: list[Result] = []
+        for scene in study.SCENES:
+            show_progress(done, total, perf_counter() - begin, f"{name}: {scene.name}")
+            results += study.run(fmu, scene)
+            done += 1
+        show_progress(done, total, perf_counter() - begin, "")
+        section = report.Section(name, study.TITLE, study.FORMULA, results)
+        print(report.screen(section))
+        yield section
+
+
+def show_progress(done: int, total: int, seconds: float, what: str) -> None:
+    """Draw the progress bar on a terminal; draw nothing elsewhere."""
+    if sys.stderr.isatty():
+        bar = "#" * (30 * done // total)
+        print(f"\r\x1b[K[{bar:<30}] {done}/{total} {seconds:.0f} s {what[:60]}", end="", file=sys.stderr)
+        if not what:
+            print("\r\x1b[K", end="", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
