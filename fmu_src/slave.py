@@ -15,6 +15,7 @@ from pythonfmu import Boolean, DefaultExperiment, Fmi2Slave, Integer, Real, Stri
 from pythonfmu.enums import Fmi2Status
 
 from damped_pendulum.fmi2 import complete, describe, keep_alive, scalar_variable
+from damped_pendulum.inline import inlined
 from damped_pendulum.interface import (
     AUTHOR,
     DESCRIPTION,
@@ -136,6 +137,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             if not isfinite(tau):
                 self._fail(f"no step from t = {current_time!r} s: {describe(VARIABLES[TAU], tau)}")
             self._motion, self._tau_of_motion = self._pendulum.motion(tau), tau
+            self._solve = inlined(METHODS[self._method].solver, self._motion)
         try:
             n = substeps(current_time, step_size, self._max_step)
             phi, w, nfev = self._solve(self._motion, self._phi, self._w, step_size / n, n)
@@ -271,7 +273,6 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
     def _choose_solver(self) -> None:
         motion = self._pendulum.motion()
         self._method = SolverMethod(self._value("solver.method"))
-        self._solve = METHODS[self._method].solver
         self._limit = stability_limit(self._method, motion.damping_rate, motion.w02)
         self._max_step = min(
             self._values[STEP_SIZE_VR],

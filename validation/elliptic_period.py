@@ -180,5 +180,5 @@ def _formulas() -> Iterator[Result]:
         "Period against amplitude",
         "amplitude [deg]",
         "T/T0",
-        [Curve("exact", shown.tolist(), ratio)],
+        [Curve("exact", shown, ratio)],
     )

@@ -139,8 +139,8 @@ def _misprint(run: Run, response: NDArray[np.float64], peak: float) -> Iterator[
         "t [s]",
         "phi/(J/(m*L^2)) [s]",
         [
-            Curve("FMU, RK4", t[shown].tolist(), response[shown].tolist(), line="", marker="."),
-            Curve("exact", t[shown].tolist(), references.impulse_response(t[shown], k2, W02)[0].tolist()),
+            Curve("FMU, RK4", t[shown], response[shown], line="", marker="."),
+            Curve("exact", t[shown], references.impulse_response(t[shown], k2, W02)[0]),
         ],
     )
     exact = references.impulse_response(t, k2, W02)[0]
@@ -149,13 +149,11 @@ def _misprint(run: Run, response: NDArray[np.float64], peak: float) -> Iterator[
         "t [s]",
         "|error|/peak",
         [
-            Curve(
-                "FMU against the closed form", t[1:].tolist(), (np.abs(response - exact)[1:] / peak).tolist()
-            ),
+            Curve("FMU against the closed form", t[1:], (np.abs(response - exact)[1:] / peak)),
             Curve(
                 "FMU against the misprint",
-                t[1:].tolist(),
-                (np.abs(response - printed)[1:] / peak).tolist(),
+                t[1:],
+                (np.abs(response - printed)[1:] / peak),
                 "--",
             ),
         ],

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
 
+from numpy.typing import ArrayLike
+
 
 @dataclass(frozen=True)
 class Check:
@@ -61,8 +63,8 @@ class Curve:
     """A line of a plot; the style is chosen so that black and white is enough."""
 
     label: str
-    x: Sequence[float]
-    y: Sequence[float]
+    x: ArrayLike
+    y: ArrayLike
     line: str = "-"
     marker: str = ""
 
@@ -79,9 +81,7 @@ class Plot:
     note: str = ""
     headline: bool = False  # shown at the top of the report, too
     y_range: tuple[float, float] | None = None
-    shade: tuple[Sequence[float], Sequence[float], Sequence[Sequence[float]]] | None = field(
-        default=None, repr=False
-    )
+    shade: tuple[ArrayLike, ArrayLike, ArrayLike] | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)

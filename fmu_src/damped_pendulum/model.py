@@ -33,23 +33,22 @@ class Motion(NamedTuple):
     drive: float
 
     def acceleration(self) -> Acceleration:
-        """Return der(w) [rad/s2] as a function of phi [rad] and w [rad/s].
+        """Return der(w) [rad/s2] as a function of phi [rad] and w [rad/s]."""
+        drive, drag, gravity = self.coefficients()
+        return lambda phi, w: drive + drag * w + gravity * sin(phi)
 
-        Only the terms that act are in it. A term that is left out is zero, so the value is that of
-        the full form `drive - damping_rate*w - w02*sin(phi)`, evaluated from left to right.
+    def coefficients(self) -> tuple[float, float, float]:
+        """Return drive, drag and gravity, the factors of the terms of der(w)."""
+        return self.drive, -self.damping_rate, -self.w02
+
+    def acting_terms(self) -> str:
+        """Return der(w) as an expression of phi, w and the coefficients that leaves out the terms that are zero.
+
+        Its value equals that of the full form.
         """
-        damping_rate, w02, drive = self
-        if w02 == 0.0:
-            if damping_rate == 0.0:
-                return lambda phi, w: drive
-            return lambda phi, w: drive - damping_rate * w
-        if damping_rate == 0.0:
-            if drive == 0.0:
-                return lambda phi, w: 0.0 - w02 * sin(phi)
-            return lambda phi, w: drive - w02 * sin(phi)
-        if drive == 0.0:
-            return lambda phi, w: 0.0 - damping_rate * w - w02 * sin(phi)
-        return lambda phi, w: drive - damping_rate * w - w02 * sin(phi)
+        terms = ("drive", "drag * w", "gravity * sin(phi)")
+        acting = [term for term, factor in zip(terms, self.coefficients(), strict=True) if factor]
+        return " + ".join(acting) or "0.0"
 
 
 class Pendulum(NamedTuple):

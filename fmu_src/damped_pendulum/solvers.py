@@ -61,21 +61,24 @@ def explicit_midpoint2(motion: Motion, phi: float, w: float, h: float, n: int) -
 def explicit_runge_kutta4(motion: Motion, phi: float, w: float, h: float, n: int) -> tuple[float, float, int]:
     """Classical Runge-Kutta method ("RK4"): order 4, 4 stages.
 
-    Crawford, eq. (32).
+    Crawford, eq. (32), with the stages of der(phi) = w inserted into those of der(w), which saves a third of the
+    arithmetic.
     """
     acceleration = motion.acceleration()
     half = h / 2
     sixth = h / 6
+    half_half, half_h, sixth_h = half * half, half * h, sixth * h
     for _ in repeat(None, n):
+        middle = phi + half * w
+        end = phi + h * w
         a1 = acceleration(phi, w)
-        w2 = w + half * a1
-        a2 = acceleration(phi + half * w, w2)
-        w3 = w + half * a2
-        a3 = acceleration(phi + half * w2, w3)
-        w4 = w + h * a3
-        a4 = acceleration(phi + h * w3, w4)
-        phi += sixth * (w + 2 * (w2 + w3) + w4)
-        w += sixth * (a1 + 2 * (a2 + a3) + a4)
+        a2 = acceleration(middle, w + half * a1)
+        a3 = acceleration(middle + half_half * a1, w + half * a2)
+        a4 = acceleration(end + half_h * a2, w + h * a3)
+        a23 = a2 + a3
+        a123 = a1 + a23
+        phi = end + sixth_h * a123
+        w += sixth * (a123 + a23 + a4)
     return phi, w, 4 * n
 
 

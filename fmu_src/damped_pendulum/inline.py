@@ -1,0 +1,74 @@
+"""Explicit solvers with the acting terms of the acceleration written into their loops, as one would by hand.
+
+A call costs CPython more than the arithmetic of a stage, and a scene should not pay for terms that are zero. The result
+equals that of the solver as it reads in `solvers.py` bit for bit.
+"""
+
+from __future__ import annotations
+
+import ast
+from functools import cache
+from inspect import getsource
+from itertools import repeat
+from math import sin
+from typing import Any
+
+from .model import Motion
+from .solvers import METHODS, Solver
+
+
+def inlined(solver: Solver, motion: Motion) -> Solver:
+    """Return `solver` for motions with the acting terms of `motion`; unchanged where it has no source to rewrite."""
+    return _inlined(solver, motion.acting_terms())
+
+
+def _source(solver: Solver) -> str | None:
+    try:
+        return getsource(solver)
+    except OSError:  # an importer that ships bytecode only
+        return None
+
+
+# Read now: importers remove the files of an instance, while Python keeps the modules.
+_SOURCES = {method.solver: _source(method.solver) for method in METHODS.values() if method.stages is not None}
+
+
+@cache
+def _inlined(solver: Solver, terms: str) -> Solver:
+    source = _SOURCES.get(solver)
+    if source is None:
+        return solver
+    tree = _Inline(terms).visit(ast.parse(source))
+    names: dict[str, Any] = {"sin": sin, "repeat": repeat}
+    exec(ast.unparse(tree), names)
+    inlined_solver: Solver = names[tree.body[0].name]
+    return inlined_solver
+
+
+class _Inline(ast.NodeTransformer):
+    """Replaces acceleration(x, y) by the terms with x for phi and y for w."""
+
+    def __init__(self, terms: str) -> None:
+        self.terms = terms
+
+    def visit_Assign(self, node: ast.Assign) -> ast.AST:
+        if ast.unparse(node) == "acceleration = motion.acceleration()":
+            return ast.parse("drive, drag, gravity = motion.coefficients()").body[0]
+        return self.generic_visit(node)
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        if not (isinstance(node.func, ast.Name) and node.func.id == "acceleration"):
+            return self.generic_visit(node)
+        phi, w = node.args
+        expression: ast.expr = _Substitute({"phi": phi, "w": w}).visit(
+            ast.parse(self.terms, mode="eval").body
+        )
+        return expression
+
+
+class _Substitute(ast.NodeTransformer):
+    def __init__(self, values: dict[str, ast.expr]) -> None:
+        self.values = values
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        return self.values.get(node.id, node)

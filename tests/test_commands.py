@@ -1,0 +1,71 @@
+"""The command line of the validation: wrong use is one line and exit status 2."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import build_fmu
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def command(module: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", module, *arguments], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def other_fmu(fmu_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    entries = build_fmu.read_entries(fmu_path)
+    name = "modelDescription.xml"
+    entries[name] = entries[name].replace(b'name="phi_start"', b'name="theta0"')
+    path = tmp_path_factory.mktemp("other") / "other.fmu"
+    build_fmu.write_entries(path, entries)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["pendelum"], "unknown study 'pendelum' (allowed: elliptic_period, impulse_response"),
+        (["--fmu", "missing.fmu"], "missing.fmu does not exist: build it with python build_fmu.py"),
+        (["--fmu", "LICENSE"], "LICENSE is not a readable FMU"),
+        (["--output", "LICENSE"], "--output LICENSE: must be a directory"),
+        (["--speed", "3"], "--speed"),
+    ],
+)
+def test_wrong_use_is_one_line_and_status_2(arguments: list[str], words: str) -> None:
+    result = command("validation", *arguments)
+    assert result.returncode == 2
+    assert words in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_an_fmu_of_another_interface_is_refused(other_fmu: Path) -> None:
+    result = command("validation", "--fmu", other_fmu)
+    assert result.returncode == 2
+    assert "has another interface: no variable phi_start" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_chosen_study_is_run_and_reported(fmu_path: Path, tmp_path: Path) -> None:
+    result = command(
+        "validation", "impulse_response", "--fmu", fmu_path, "--output", tmp_path / "r", "--no-plots"
+    )
+    assert result.returncode == 0, result.stderr
+    assert "checks hold" in result.stdout
+    page = (tmp_path / "r" / "index.html").read_text("utf-8")
+    assert "Linear impulse response" in page
+    assert "Elliptic period" not in page
+    assert "<img" not in page
+    assert (tmp_path / "r" / "checks.csv").read_text("utf-8").startswith("check,measured")
+
+
+def test_quickstart_prints_measured_and_exact(fmu_path: Path) -> None:
+    result = command("validation.quickstart", "--fmu", fmu_path)
+    assert result.returncode == 0, result.stderr
+    assert "2.041338465858" in result.stdout  # the exact period at 30 deg, 20 digits: 2.0413384658583683343
+    assert "impulse" in result.stdout

@@ -1,0 +1,94 @@
+from math import inf, pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from damped_pendulum.inline import inlined
+from damped_pendulum.model import Motion, Pendulum
+from damped_pendulum.solvers import METHODS, SolverMethod, explicit_runge_kutta4
+
+angles = st.floats(-2 * pi, 2 * pi)
+rates = st.floats(-10, 10)
+dampings = st.floats(0, 10)
+torques = st.floats(-20, 20)
+methods = st.sampled_from(SolverMethod)
+
+
+@given(method=methods, terms=st.tuples(*[st.sampled_from([0.0, 0.7, 3.0])] * 3), phi=angles, w=rates)
+def test_terms_that_do_not_act_are_left_out_and_change_nothing(
+    method: SolverMethod, terms: tuple[float, float, float], phi: float, w: float
+) -> None:
+    motion, solver = Motion(*terms), METHODS[method].solver
+    for name, value in zip(("drag", "gravity", "drive"), terms, strict=True):
+        assert (name in motion.acting_terms()) == (value != 0)
+    fast = inlined(solver, motion)
+    assert (fast is solver) == (method is SolverMethod.ImplicitEuler)
+    assert fast(motion, phi, w, 0.01, 20) == solver(motion, phi, w, 0.01, 20)
+
+
+@given(phi=angles, w=rates, damping_rate=dampings)
+def test_energy_never_grows(phi: float, w: float, damping_rate: float) -> None:
+    pendulum = Pendulum(1.0, 1.0, damping_rate, 9.80665)
+    h, n = 1e-3, 50
+    fastest = 3.2 + abs(w) + n * h * 9.81
+    # RK4 conserves an energy that differs from E by a relative (h*w)^4, and rounds the state once a substep.
+    ripple = ((h * fastest) ** 4 + 4e-16 * n) * (pendulum.energy(pi, 0.0) + pendulum.energy(phi, w))
+    before = pendulum.energy(phi, w)
+    for _ in range(5):
+        phi, w, _ = explicit_runge_kutta4(pendulum.motion(), phi, w, h, n)
+        after = pendulum.energy(phi, w)
+        assert after <= before + ripple
+        before = after
+
+
+@given(method=methods, phi=angles, w=rates, damping_rate=dampings, drive=torques)
+def test_the_mirror_image_moves_as_the_mirror_image(
+    method: SolverMethod, phi: float, w: float, damping_rate: float, drive: float
+) -> None:
+    solver = METHODS[method].solver
+    moved = solver(Motion(damping_rate, 9.80665, drive), phi, w, 0.01, 20)
+    mirrored = solver(Motion(damping_rate, 9.80665, -drive), -phi, -w, 0.01, 20)
+    assert mirrored == (-moved[0], -moved[1], moved[2])
+
+
+@given(method=methods, phi=angles, m=st.floats(1e-6, 1e6))
+def test_the_mass_does_not_matter_without_drag_and_torque(method: SolverMethod, phi: float, m: float) -> None:
+    solver = METHODS[method].solver
+    light, heavy = (Pendulum(mass, 0.7, 0.0, 9.81).motion() for mass in (1.0, m))
+    assert solver(light, phi, 0.0, 0.01, 20) == solver(heavy, phi, 0.0, 0.01, 20)
+
+
+@given(method=methods, phi=angles, gamma=dampings, tau=torques, power=st.integers(-20, 20))
+def test_drag_and_torque_count_per_mass(
+    method: SolverMethod, phi: float, gamma: float, tau: float, power: int
+) -> None:
+    solver = METHODS[method].solver
+    m = 2.0**power  # scaling by it is exact
+    light = Pendulum(1.0, 0.7, gamma, 9.81).motion(tau)
+    heavy = Pendulum(m, 0.7, gamma * m, 9.81).motion(tau * m)
+    assert solver(light, phi, 0.0, 0.01, 20) == solver(heavy, phi, 0.0, 0.01, 20)
+
+
+def test_energy_keeps_its_digits_at_small_angles() -> None:
+    # 2*w02*sin(phi/2)^2 = w02*phi^2/2*(1 - phi^2/12), whose second term is far below rounding.
+    assert Pendulum(1.0, 1.0, 0.0, 9.80665).energy(1e-8, 0.0) == pytest.approx(9.80665 / 2 * 1e-16, rel=1e-15)
+
+
+def test_energy_of_the_upright_position() -> None:
+    assert Pendulum(2.0, 3.0, 0.0, 10.0).energy(pi, 0.0) == pytest.approx(2 * 2 * 10 * 3, rel=1e-15)
+    assert Pendulum(2.0, 3.0, 0.0, 10.0).energy(0.0, 0.5) == 0.5 * 2 * 9 * 0.25
+
+
+@pytest.mark.parametrize(
+    ("pendulum", "problem"),
+    [
+        (Pendulum(1.0, 1e-200, 0.0, 1.0), "J = m*L^2 = 0.0 kg.m2"),
+        (Pendulum(1e300, 1e200, 0.0, 1.0), "J = m*L^2 = inf kg.m2"),
+        (Pendulum(1e-300, 1.0, 1e300, 1.0), "gamma/m = inf 1/s"),
+        (Pendulum(1.0, 1e-150, 0.0, 1e300), "g/L = inf 1/s2"),
+    ],
+)
+def test_combinations_beyond_the_range_of_a_double_are_named(pendulum: Pendulum, problem: str) -> None:
+    assert pendulum.out_of_range() == [f"{problem} is out of the range of a double"]
+    assert Pendulum(1.0, 1.0, 0.0, -inf).out_of_range() == ["g/L = -inf 1/s2 is out of the range of a double"]
