@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 from math import exp, inf, isnan, log, nan, pi, radians, sin, sqrt, ulp
 from time import perf_counter
 
@@ -96,6 +98,14 @@ class Point:
     failure: str = ""
 
 
+def _taylor(angle: float, k2: float) -> Exact:
+    @cache
+    def at(times: tuple[float, ...]) -> references.State:
+        return taylor.motion(times, angle, 0.0, k2, W02)
+
+    return lambda t: at(tuple(t))
+
+
 def _libration(angle: float) -> Exact:
     return lambda t: references.libration(t, radians(angle), W02)
 
@@ -105,8 +115,8 @@ PULSE = {"center": 4.0, "variance": 0.09}  # of the Gaussian drive: [s], [s2]
 PERIODS = 10
 EXPLICIT = {EULER: range(8, 15), MIDPOINT: range(4, 14), RK4: range(3, 13), IMPLICIT_EULER: range(8, 14)}
 
-# Slopes are read where h is so small that the next term of the error expansion changes them by less than 0.1: the amplitude
-# error of the Euler methods, pi*h*w0 a period, is then below 0.1 over the whole run.
+# Slopes are read where h is so small that the next term of the error expansion changes them by less than 0.1: the
+# amplitude error of the Euler methods, pi*h*w0 a period, is then below 0.1 over the whole run.
 SLOPES = ((EULER, 13), (IMPLICIT_EULER, 12), (MIDPOINT, 9), (RK4, 7))
 
 SCENES: tuple[WorkScene | RatioScene | CostScene | SavingScene, ...] = (
@@ -134,7 +144,7 @@ SCENES: tuple[WorkScene | RatioScene | CostScene | SavingScene, ...] = (
         {"gamma": 0.5, "phi_start": radians(170)},
         10.0,
         1.0,
-        lambda t: taylor.motion(t, radians(170), 0.0, 0.5, W02),
+        _taylor(radians(170), 0.5),
         EXPLICIT,
         k2=0.5,
         slopes=((MIDPOINT, 10), (RK4, 8)),
@@ -144,7 +154,7 @@ SCENES: tuple[WorkScene | RatioScene | CostScene | SavingScene, ...] = (
         {"phi_start": 0.0, "w_start": SMALL * W0},
         20.0,
         1.0,
-        lambda t: tuple(SMALL * W0 * x for x in references.impulse_response(t, 0.002, W02)),
+        lambda t: references.free_evolution(t, 0.0, SMALL * W0, 0.002, W02),
         EXPLICIT,
         k2=0.002,
         scale=SMALL,
@@ -167,7 +177,7 @@ SCENES: tuple[WorkScene | RatioScene | CostScene | SavingScene, ...] = (
         {"gamma": 1e3, "phi_start": radians(90)},
         1.0,
         1.0,
-        lambda t: taylor.motion(t, radians(90), 0.0, 1e3, W02),
+        _taylor(radians(90), 1e3),
         {EULER: range(7, 16), MIDPOINT: range(7, 14), RK4: range(7, 14), IMPLICIT_EULER: range(0, 15)},
         k2=1e3,
         solvers=("RK45", "LSODA", "Radau"),
@@ -331,8 +341,8 @@ def _work(fmu: Fmu, scene: WorkScene) -> Iterator[Result]:
 def _floor(scene: WorkScene, points: Sequence[Point]) -> Check:
     """Return the row of the round-off floor: the finest step's error against truncation and a random walk.
 
-    Each substep rounds the state once, by at most half an ulp. A change of the amplitude also changes the period, and the
-    phase then runs away with the time.
+    Each substep rounds the state once, by at most half an ulp. A change of the amplitude also changes the period, and
+    the phase then runs away with the time.
     """
     amplitude = scene.start.get("phi_start", pi / 6)
     T = references.period(amplitude, W02)
@@ -348,7 +358,7 @@ def _floor(scene: WorkScene, points: Sequence[Point]) -> Check:
 
 
 def _divergence(scene: WorkScene, method: int, points: Sequence[Point]) -> Check:
-    """Return the row that runs beyond the stability limit are lost, by failure or by an error above 1, and no others."""
+    """Return the row that runs beyond the stability limit, and no others, fail or end with an error above 1."""
     limit = (2.7852935634 if method == RK4 else 2.0) / scene.k2
     wrong = sum((point.label > limit) != (point.error > 1) for point in points)
     name = f"{METHOD_NAMES[method]} is lost beyond its limit, and only there; {scene.name}"
@@ -480,8 +490,8 @@ def _ratio(fmu: Fmu) -> Iterator[Result]:
 
 
 def _step_for(target: float, sweep: Sequence[Point]) -> float | None:
-    """Return the step for which the sweep, between two of its points, promises 0.8 of the target; None if it has none."""
-    for coarse, fine in zip(sweep, sweep[1:], strict=False):
+    """Return the step for which the sweep, between two of its points, promises 0.8 of the target, or None."""
+    for coarse, fine in pairwise(sweep):
         if fine.error <= 0.8 * target < coarse.error:
             slope = log(coarse.error / fine.error) / log(coarse.label / fine.label)
             return float(fine.label * (0.8 * target / fine.error) ** (1 / slope))
@@ -497,7 +507,8 @@ def _conclusion(ratios: dict[str, list[float]]) -> str:
     return (
         "For an undamped swing from 90 deg over 10 periods the FMU with RK4 and a communication step of 1 s reaches an "
         f"error of 1e-3 {ratios['solve_ivp'][0]:.1f} times, of 1e-6 {ratios['solve_ivp'][3]:.1f} times and of 1e-9 "
-        f"{ratios['solve_ivp'][6]:.1f} times as fast as the best of solve_ivp (least: {ivp:.1f} times, at {ivp_at:.0e}). "
+        f"{ratios['solve_ivp'][6]:.1f} times as fast as the best of solve_ivp "
+        f"(least: {ivp:.1f} times, at {ivp_at:.0e}). "
         f"It is less than twice as fast as odeint at {', '.join(lost) or 'no error'}. "
         "Use RK4; the Euler methods are for teaching, and ImplicitEuler for stiff drag."
     )
