@@ -52,6 +52,7 @@ class Experiment:
     torque : tau [N.m] as a function of the time [s], held from each communication point to the next
     record : outputs to read at every communication point
     begin : start time [s]
+    points : communication points [s] instead of those from `begin` to `stop`
     """
 
     stop: float
@@ -60,9 +61,12 @@ class Experiment:
     torque: Callable[[float], float] | None = None
     record: Sequence[str] = ("phi",)
     begin: float = 0.0
+    points: Sequence[float] | None = None
 
     def times(self) -> list[float]:
         """Return the communication points [s], formed without accumulation."""
+        if self.points is not None:
+            return list(self.points)
         n = max(1, round((self.stop - self.begin) / self.step))
         return [self.begin + i * self.step for i in range(n)] + [self.stop]
 

@@ -1,0 +1,441 @@
+"""Stiff and extreme cases: tiny and huge values, odd clocks, long horizons, chaos, each with its exact answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import cos, exp, expm1, pi, sin, sqrt, ulp
+
+import numpy as np
+
+from . import references, taylor
+from .fmu import EULER, IMPLICIT_EULER, METHOD_NAMES, MIDPOINT, RK4, W0, W02, Experiment, Fmu
+from .metrics import state_error, upward_crossings
+from .results import Check, Curve, Plot, Result, Table
+from .stability import DRIFTS
+
+TITLE = "Stiff and extreme cases"
+FORMULA = "closed forms where they exist, Taylor series in 50 digits elsewhere"
+
+EPS = 2.2e-16
+SUBSTEP = 1e-3  # [s], the default
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case by the function that runs it."""
+
+    name: str
+    run: Callable[[Fmu], Iterator[Result]]
+    slow: bool = False
+
+
+def run(fmu: Fmu, scene: Case) -> Iterator[Result]:
+    """Yield the rows of a scene."""
+    yield from scene.run(fmu)
+
+
+def relative(measured: float, exact: float) -> float:
+    """Return the relative error."""
+    return abs(measured / exact - 1)
+
+
+def undamped(**start: float) -> dict[str, float]:
+    """Return start values without drag."""
+    return {"gamma": 0.0} | start
+
+
+# Amplitudes from 1e-300 to pi
+
+
+def _tiny(fmu: Fmu) -> Iterator[Result]:
+    """Show that tiny swings are linear ones, however tiny."""
+    h = 0.01
+    z = h * W0
+    # n steps of RK4 of the linear pendulum: each has the phase error z^5/120 and the amplitude error z^6/144.
+    truncation = 2.0 * W0 * z**4 / 120
+    for amplitude in (1e-8, 1e-160, 1e-300):
+        start = undamped(phi_start=amplitude) | {"solver.stepSize": h}
+        phi = fmu.run(Experiment(2.0, 0.1, start))["phi"][-1]
+        yield Check(
+            f"swing from {amplitude:g} rad, 2 s, h = 0.01 s",
+            abs(phi / amplitude - cos(2 * W0)),
+            1.5 * truncation,
+            f"phi(2 s)/amplitude = cos(2*w0) = {cos(2 * W0):.12f}; 1.5 x RK4's phase error t*w0*(h*w0)^4/120",
+        )
+    E = fmu.run(Experiment(0.01, 0.01, undamped(phi_start=1e-8), record=("E",)))["E"][0]
+    yield Check(
+        "energy at 1e-8 rad keeps its digits",
+        relative(E, W02 / 2 * 1e-16),
+        4 * EPS,
+        "w02*phi^2/2*(1 - phi^2/12), and four roundings; 1 - cos(phi) would be 0",
+    )
+
+
+def _near_upright(fmu: Fmu) -> Iterator[Result]:
+    """Start within 1e-3 and 1e-6 rad of the top, where rounding of the state matters, and on it."""
+    for delta in (1e-3, 1e-6):
+        amplitude = pi - delta
+        exact = references.period(amplitude, W02)
+        start = undamped(phi_start=amplitude)
+        measured = [
+            upward_crossings(r.t, r["phi"], r["w"], r["a"])[0]
+            for r in (
+                fmu.run(
+                    Experiment(0.8 * exact, 0.008, start | {"solver.stepSize": h}, record=("phi", "w", "a"))
+                )
+                for h in (SUBSTEP, 2 * SUBSTEP)
+            )
+        ]
+        # The first upward crossing comes after 3/4 of a period.
+        truncation = abs(measured[1] - measured[0]) / 15
+        # Roundings of phi near the top, one a substep for a time of 1/w0, move the start by a random walk.
+        wander = EPS * sqrt(1 / (SUBSTEP * W0)) * references.period_slope(amplitude, W02)
+        yield Check(
+            f"3/4 period from pi - {delta:g}",
+            abs(measured[0] - 0.75 * exact),
+            1.5 * truncation + 3 * wander,
+            f"exact {0.75 * exact:.12g} s; 1.5 x h^4 error {truncation:.1e}, 3 sigma of the rounded start {wander:.1e}",
+            "s",
+        )
+    for method in METHOD_NAMES:
+        start = undamped(phi_start=pi) | {"solver.method": method, "solver.stepSize": 0.1}
+        phi = fmu.run(Experiment(3.0, 0.1, start))["phi"]
+        yield Check(
+            f"start at math.pi, {METHOD_NAMES[method]}, 3 s",
+            float(np.max(np.abs(phi - pi))),
+            1e-12,
+            "the double pi is 1.2e-16 off the top; 1.2e-16*cosh(w0*3.098 s) = 1e-12",
+            "rad",
+        )
+
+
+# Large values
+
+
+def _fast_spin(fmu: Fmu) -> Iterator[Result]:
+    """Spin at 1e6 rad/s, where gravity is a ripple and the angle must stay right relative to its size."""
+    exact = ((1.0, 999999.99999019334657), (1e-3, 999.99999999020145892))
+    for t, phi in exact:
+        measured = fmu.run(Experiment(t, t, undamped(phi_start=0.0, w_start=1e6)))["phi"][-1]
+        yield Check(
+            f"spin at 1e6 rad/s for {t:g} s",
+            relative(measured, phi),
+            W02 / 1e6 * SUBSTEP / (phi / 1e6) * 1.1,
+            "unresolved, gravity is sampled at random angles: its rate is off by at most w02*h, relative to 1e6 rad/s",
+        )
+    phi, w = 999999.99999019334657, 999999.99999937971659
+    h = 1e-6
+    run = fmu.run(
+        Experiment(
+            1.0, 1.0, undamped(phi_start=0.0, w_start=1e6) | {"solver.stepSize": h}, record=("phi", "w")
+        )
+    )
+    yield Check(
+        "spin at 1e6 rad/s, resolved with h = 1e-6 s",
+        max(relative(run["phi"][-1], phi), relative(run["w"][-1], w)),
+        ulp(1e6) / 2 / h / 1e6,
+        "half an ulp of 1e6 a substep; the increments are nearly equal, so the roundings do not average out",
+    )
+
+
+def _huge_torque(fmu: Fmu) -> Iterator[Result]:
+    for h in (0.01, 1e-3):
+        start = undamped(phi_start=0.0) | {"solver.stepSize": h}
+        run = fmu.run(Experiment(1.0, 1.0, start, torque=lambda t: 1e12, record=("phi", "w")))
+        # n sums of growing numbers round by half an ulp of the result each, at random.
+        walk = sqrt(1 / h) * EPS / 2
+        yield Check(
+            f"torque of 1e12 N.m for 1 s, h = {h:g} s",
+            max(relative(run["phi"][-1], 5e11), relative(run["w"][-1], 1e12)),
+            W02 / 1e12 + 3 * walk,
+            "phi = 5e11, w = 1e12 but for gravity, a relative w02/1e12, and 3 sigma of rounding",
+        )
+
+
+def _tiny_mass(fmu: Fmu) -> Iterator[Result]:
+    """Take m = 1e-12 kg, k2 = 2e9/s: the rate settles at tau/(gamma*L^2) = 500 rad/s at once."""
+    start = {"m": 1e-12, "phi_start": 0.0, "solver.method": IMPLICIT_EULER}
+    run = fmu.run(Experiment(0.01, 0.01, start, torque=lambda t: 1.0, record=("phi", "w")))
+    for name, exact in (("w", 500.0), ("phi", 4.99999975)):
+        yield Check(
+            f"m = 1e-12 kg under 1 N.m, ImplicitEuler, {name}",
+            relative(run[name][-1], exact),
+            1e-7 if name == "phi" else W02 / 1e12,
+            "w = tau/(gamma*L^2) but for gravity; phi lags by 500 rad/s times m/gamma = 2.5e-7 s",
+        )
+    for method in (EULER, MIDPOINT, RK4):
+        failed = fmu.run(
+            Experiment(
+                0.1, 0.1, start | {"solver.method": method, "solver.stepSize": 1e-4}, torque=lambda t: 1.0
+            )
+        )
+        yield _ends_in_error(f"m = 1e-12 kg under 1 N.m, {METHOD_NAMES[method]}", failed.failure)
+
+
+def _ends_in_error(name: str, failure: str) -> Check:
+    complete = all(word in failure for word in ("diverged", "t =", "substep", "stability limit"))
+    return Check(
+        f"{name} ends in a clear error",
+        float(complete),
+        1.0,
+        "the message names time, method, substep and stability limit; finite steps would need h < 2.8*m/gamma",
+        at_least=True,
+    )
+
+
+def _lengths(fmu: Fmu) -> Iterator[Result]:
+    """Scale the length: times go with sqrt(L)."""
+    for L, T0 in ((1e6, 2006.40929258904045), (1e-6, 2.00640929258904045e-3)):
+        w0 = sqrt(W02 / L)
+        h = T0 / 2000
+        start = undamped(L=L, phi_start=1e-6) | {"solver.stepSize": h}
+        run = fmu.run(Experiment(1.5 * T0, T0 / 250, start, record=("phi", "w", "a")))
+        crossing = upward_crossings(run.t, run["phi"], run["w"], run["a"])[0]
+        yield Check(
+            f"period at L = {L:g} m",
+            relative(crossing, 0.75 * T0),
+            1.5 * (h * w0) ** 4 / 120 + (1e-6) ** 2 / 16 + 1e-13,
+            f"T0 = {T0:.12g} s; RK4's (h*w0)^4/120, the amplitude's A^2/16, and rounding of the crossing",
+        )
+
+
+def _gravity(fmu: Fmu) -> Iterator[Result]:
+    """Take gravity away, and turn it upwards."""
+    k2, phi0, w0, t = 0.002, 0.3, 2.0, 100.0
+    coast = {"g": 0.0, "phi_start": phi0, "w_start": w0}
+    run = fmu.run(Experiment(t, 10.0, coast, record=("phi", "w")))
+    walk = 3 * sqrt(t / SUBSTEP) * EPS / 2
+    for name, exact in (("phi", 181.569246922018141), ("w", 1.63746150615596372)):
+        yield Check(
+            f"g = 0, coasting 100 s, {name}",
+            relative(run[name][-1], exact),
+            1.5 * t * k2 * (SUBSTEP * k2) ** 4 / 120 + walk,
+            f"{exact:.15g}; RK4's t*k2*(h*k2)^4/120 is far below 3 sigma of rounding",
+        )
+    run = fmu.run(Experiment(t, t, {"g": 0.0, "phi_start": 0.0}, torque=lambda t: 1.0))
+    yield Check(
+        "g = 0 under 1 N.m from rest, 100 s",
+        relative(run["phi"][-1], 4682.68826949546467),
+        walk,
+        "(t + expm1(-k2*t)/k2)/k2 = 4682.68826949546; 3 sigma of rounding",
+    )
+    k2 = 1e-12
+    run = fmu.run(Experiment(1.0, 1.0, {"g": 0.0, "phi_start": 0.0, "w_start": 1.0, "gamma": k2}))
+    yield Check(
+        "g = 0, gamma = 1e-12 N.s/m, 1 s",
+        relative(run["phi"][-1], -expm1(-k2) / k2),
+        3 * sqrt(1 / SUBSTEP) * EPS / 2,
+        "(1 - exp(-k2*t))/k2 by expm1 = 0.9999999999995; 3 sigma of rounding",
+    )
+    run = fmu.run(Experiment(5.0, 1.0, undamped(g=-W02, phi_start=0.1)))
+    # About the upright equilibrium the swing is that of positive gravity, turned by pi.
+    for t, exact in ((1, 1.11578251237080175), (2, 5.67194264344012955), (5, 0.334360674260837405)):
+        swing = pi - 0.1
+        slope = references.period_slope(swing, W02) * abs(references.libration(float(t), swing, W02)[1])
+        bound = 1.5 * t * W0 * 7.8 * (SUBSTEP * W0) ** 4 + 3 * EPS * sqrt(t / SUBSTEP) * (1 + float(slope))
+        yield Check(
+            f"g = -9.80665 m/s2 from 0.1 rad, {t} s",
+            abs(run["phi"][t] - exact),
+            bound,
+            f"{exact:.15g} rad; RK4's phase error, rate below 2*w0, and rounding through the period's slope",
+            "rad",
+        )
+
+
+# Stiff drag
+
+
+def _overdamped(fmu: Fmu) -> Iterator[Result]:
+    """Fall from 90 deg through syrup: tan(phi/2) = exp(-w02*t/k2), to a relative w02/k2^2."""
+    k2 = 1e9
+    start = {"gamma": k2, "phi_start": pi / 2, "solver.method": IMPLICIT_EULER}
+    # Backward Euler's local error is h^2/2*phi'' with phi'' <= (w02/k2)^2/2, and the motion contracts afterwards.
+    for t, exact in ((10.0, 1.57079622872839662), (1e6, 1.56098983397600066), (1e8, 0.71764934920426833)):
+        h = max(SUBSTEP, t / 1e4)
+        phi = fmu.run(Experiment(t, t, start | {"solver.stepSize": h}))["phi"][-1]
+        yield Check(
+            f"gamma/m = 1e9/s, ImplicitEuler, {t:g} s with h = {h:g} s",
+            abs(phi - exact),
+            t * h / 4 * (W02 / k2) ** 2 + W02 / k2**2 + ulp(pi / 2) / 2 * t / h,
+            f"{exact:.15g} rad; t*h/4*(w02/k2)^2, w02/k2^2, and half an ulp a substep (equal increments)",
+            "rad",
+        )
+    for k2 in (1e4, 1e6, 1e9):
+        for method in (EULER, MIDPOINT, RK4):
+            failed = fmu.run(
+                Experiment(1.0, 1.0, {"gamma": k2, "phi_start": pi / 2, "solver.method": method})
+            )
+            yield _ends_in_error(f"gamma/m = {k2:g}/s, {METHOD_NAMES[method]} with h = 1 ms", failed.failure)
+            if method == RK4:
+                yield Check(
+                    f"gamma/m = {k2:g}/s, RK4: warning at initialization",
+                    float(sum("unstable" in text for text in failed.warnings)),
+                    1.0,
+                    "one warning, with the step to use",
+                    at_least=True,
+                )
+
+
+# Clocks
+
+
+def _communication(fmu: Fmu) -> Iterator[Result]:
+    """Show that the answer does not depend on how the importer cuts the time."""
+    amplitude, stop = pi / 2, 6.0
+    exact = references.libration(stop, amplitude, W02)
+    start = undamped(phi_start=amplitude)
+    rng = np.random.default_rng(1)
+    cuts = {
+        "1 s": np.arange(0.0, 6.5, 1.0),
+        "0.0137 s, not a multiple of h": np.append(np.arange(0.0, stop, 0.0137), stop),
+        "0.25 ms, below h": np.append(np.arange(24000) * 0.25e-3, stop),
+        "60 Hz": np.arange(361) / 60,
+        "60 Hz with noise of 1e-9 s": np.append(
+            np.arange(360) / 60 + np.append(0.0, rng.uniform(-1e-9, 1e-9, 359)), stop
+        ),
+        "random": np.append(0.0, np.append(np.sort(rng.uniform(0, stop, 200)), stop)),
+        "from 1e6 s": 1e6 + np.arange(0.0, 6.5, 0.5),
+        "from -1e6 s": -1e6 + np.arange(0.0, 6.5, 0.5),
+    }
+    # Every substep is at most h, so every cut keeps RK4's bound for h.
+    h = SUBSTEP
+    truncation = _truncation(fmu, start, stop)
+    rounding = 3 * EPS * sqrt(24000) * (1 + 2 * pi * stop / 2.37)
+    for name, times in cuts.items():
+        run = fmu.run(Experiment(stop, h, start, record=("phi", "w"), points=times.tolist()))
+        # The communication points of the importer carry rounding: the answer is as much later or earlier.
+        clock = float(abs(exact[1])) * len(times) * EPS * max(abs(times[0]), abs(times[-1]))
+        yield Check(
+            f"communication step {name}",
+            state_error(run["phi"][-1:], run["w"][-1:], exact),
+            1.5 * truncation + rounding + clock,
+            f"RK4 with h <= {h:g} s: 1.5 x {truncation:.1e}, rounding {rounding:.1e}, clock {clock:.1e}",
+            "rad",
+        )
+
+
+def _truncation(fmu: Fmu, start: dict[str, float], stop: float) -> float:
+    """Return RK4's error at `stop` for the default step, from runs with twice and four times that step."""
+    two, four = (
+        fmu.run(Experiment(stop, stop, start | {"solver.stepSize": n * SUBSTEP}, record=("phi", "w")))
+        for n in (2, 4)
+    )
+    return state_error(two["phi"][-1:], two["w"][-1:], (four["phi"][-1:], four["w"][-1:])) / (4**4 - 2**4)
+
+
+# Long horizons and chaos
+
+
+def _long_horizon(fmu: Fmu) -> Iterator[Result]:
+    """Show that RK4 takes energy out like h^5*t, which shifts the phase like h^5*t^2 beside the lag h^4*t."""
+    h, amplitude = 0.01, pi / 6
+    T = references.period(amplitude, W02)
+    z = h * W0
+    start = undamped() | {"solver.stepSize": h}
+    E0 = 2 * W02 * sin(amplitude / 2) ** 2
+    orbit = references.libration(np.arange(400) * T / 400, amplitude, W02)
+    loss = -(h**5) * float(np.mean(DRIFTS[RK4](*orbit))) / E0  # relative, per s
+    for periods in (2500, 10_000):
+        # Whole periods end where the ripple of the energy is the same as at the start.
+        stop = periods * T
+        energy = fmu.run(Experiment(stop, stop, start, record=("E",)))["E"][-1]
+        yield Check(
+            f"energy lost in {periods} periods with h = 0.01 s",
+            abs((energy / E0 - 1) / (-loss * stop) - 1),
+            z * z + loss * stop,
+            f"predicted {-loss * stop:.4e}; next terms (h*w0)^2 and the loss itself",
+        )
+    rows = []
+    for stop in (2e3, 1e4, 2e4):
+        swing = fmu.run(
+            Experiment(0, 0, start, record=("phi", "w", "a"), points=[0.0, *np.arange(0, 4 * T, 0.05) + stop])
+        )
+        crossing = upward_crossings(swing.t[1:], *(swing[name][1:] for name in ("phi", "w", "a")))[-1]
+        measured = (round(crossing / T - 0.75) + 0.75) - crossing / T
+        # dT/dE*dE/dt, integrated twice: a smaller swing is faster. The lag is the period's own h^4 error.
+        dT = references.period_slope(amplitude, W02) * loss * E0 / (W02 * sin(amplitude))
+        lead, lag = dT / T * crossing**2 / (2 * T), 0.007455 * z**4 * crossing / T
+        rows.append((stop, measured, lead - lag, lead, lag))
+        yield Check(
+            f"phase after {stop:g} s with h = 0.01 s",
+            abs(measured - (lead - lag)),
+            (z * z + loss * stop) * (lead + lag) + 2e-3 * lag,
+            f"h^5*t^2 lead {lead:.4e}, h^4*t lag {lag:.4e}; next terms (h*w0)^2, and the lag's coefficient to 1e-3",
+            "cycles",
+        )
+    yield Table(
+        "Phase of RK4 with h = 0.01 s from 30 deg",
+        ("t [s]", "measured [cycles]", "predicted", "h^5*t^2 lead", "h^4*t lag"),
+        rows,
+    )
+
+
+# Continuous drive 1.5*cos(2*t/3) of phi'' + phi'/2 + sin(phi), from 0.2 rad at rest; 40-digit Taylor series.
+CHAOS = {
+    10: -5.4729087087423552,
+    20: -11.4485565861348803,
+    50: -28.2783023766960053,
+    100: -45.9464758770395672,
+}
+LYAPUNOV = 0.115  # largest exponent [1/s], 0.11 +- 0.005 measured
+CHAOTIC = {"g": 1.0, "gamma": 0.5, "phi_start": 0.2}
+
+
+def _chaos(fmu: Fmu) -> Iterator[Result]:
+    """Show errors grow by exp(0.115*t): the held input is followed to rounding, the smooth one to O(H^2)."""
+    H = 0.1
+    times = [i * H for i in range(round(100 / H) + 1)]
+
+    def held(t: float) -> float:
+        return 1.5 * cos(2 * (t + H / 2) / 3)
+
+    run = fmu.run(Experiment(100.0, H, CHAOTIC, held))
+    exact = taylor.motion(times, 0.2, 0.0, 0.5, 1.0, [held(t) for t in times[:-1]])[0]
+    for t in CHAOS:
+        error = abs(run["phi"][round(t / H)] - exact[round(t / H)])
+        # Rounding of angles up to 50 rad each substep, and RK4's h^4/120 per second, both amplified.
+        seed = 3 * sqrt(t / SUBSTEP) * 50 * EPS + SUBSTEP**4 / 120 * t
+        yield Check(
+            f"chaotic drive, held over {H} s, at {t} s",
+            float(error),
+            10 * seed * exp(LYAPUNOV * t),
+            f"seed {seed:.1e} rad, grown by exp({LYAPUNOV}*t), and ten times that for the uneven growth",
+            "rad",
+        )
+    H = 1e-3
+    smooth = fmu.run(Experiment(20.0, H, CHAOTIC, lambda t: 1.5 * cos(2 * (t + H / 2) / 3)))["phi"]
+    for t in (10, 20):
+        # The held cosine, sampled in the middle, is short by (H*w)^2/24 of its amplitude 1.5.
+        seed = 1.5 * (H * 2 / 3) ** 2 / 24 * t
+        yield Check(
+            f"chaotic smooth drive, H = 1 ms sampled in the middle, at {t} s",
+            abs(float(smooth[round(t / H)]) - CHAOS[t]),
+            10 * seed * exp(LYAPUNOV * t),
+            f"{CHAOS[t]:.12f} rad; (H*w)^2/24 of the drive over t, grown as above",
+            "rad",
+        )
+    yield Plot(
+        "Chaotic drive 1.5*cos(2*t/3), k2 = 0.5/s, w02 = 1/s2",
+        "t [s]",
+        "phi [rad]",
+        [
+            Curve("FMU, RK4", run.t, run["phi"]),
+            Curve("Taylor series, 50 digits", times[::20], exact[::20], line="", marker="."),
+        ],
+    )
+
+
+SCENES = (
+    Case("tiny amplitudes", _tiny),
+    Case("near the upright position", _near_upright),
+    Case("fast spin", _fast_spin),
+    Case("huge torque", _huge_torque),
+    Case("tiny mass", _tiny_mass),
+    Case("lengths", _lengths),
+    Case("gravity", _gravity),
+    Case("overdamped", _overdamped),
+    Case("communication steps", _communication),
+    Case("long horizon", _long_horizon, slow=True),
+    Case("chaotic drive", _chaos),
+)
