@@ -12,7 +12,7 @@ from typing import NoReturn
 
 from . import report, studies
 from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
-from .results import Result
+from .results import Plot, Result
 
 
 class Parser(argparse.ArgumentParser):
@@ -33,6 +33,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--output", type=Path, default=Path("report"), metavar="DIR", help="where the report goes"
     )
     parser.add_argument("--no-plots", action="store_true", help="leave out the pictures")
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE.png",
+        help="write the leading picture of the chosen studies, too",
+    )
     options = parser.parse_args(arguments)
     for name in options.studies:
         if name not in studies.NAMES:
@@ -49,6 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UnusableFmuError as error:
         parser.error(str(error))
     page = report.write(sections, options.output, options.fmu, pictures)
+    if options.picture is not None:
+        plots = (r for section in sections for r in section.results if isinstance(r, Plot) and r.headline)
+        options.picture.write_bytes(report.draw(next(plots)))
     print(f"\n{report.summary(sections)}\nreport: {page}")
     return 0 if all(check.holds for section in sections for check in section.checks) else 1
 
