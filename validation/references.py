@@ -85,7 +85,7 @@ def series_terms(amplitude: float, count: int) -> Array:
     """Return the first `count` terms ((2n-1)!!/(2n)!!)^2*k^(2n), n >= 0, of the bracket of [C] (17)."""
     n = np.arange(1, count)
     ratios = ((2 * n - 1) / (2 * n)) ** 2 * sin(amplitude / 2) ** 2
-    return np.concatenate(([1.0], np.cumprod(ratios)))
+    return np.asarray(np.concatenate(([1.0], np.cumprod(ratios))))
 
 
 def period_by_series(amplitude: float, w02: float, count: int) -> float:

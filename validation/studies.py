@@ -13,7 +13,7 @@ from typing import Any, Protocol, cast
 from .fmu import Fmu
 from .results import Result
 
-NAMES = ("elliptic_period", "impulse_response")
+NAMES = ("elliptic_period", "impulse_response", "trajectory", "crawford", "grillo", "errata")
 
 
 class Scene(Protocol):
