@@ -141,7 +141,7 @@ def jacobi(u: ArrayLike, m1: float) -> tuple[Array, Array, Array]:
 
 
 def _sech(x: Array) -> Array:
-    return 2 * np.exp(-np.abs(x)) / (1 + np.exp(-2 * np.abs(x)))
+    return np.asarray(2 * np.exp(-np.abs(x)) / (1 + np.exp(-2 * np.abs(x))))
 
 
 def libration(t: ArrayLike, amplitude: float, w02: float) -> State:
