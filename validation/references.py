@@ -331,11 +331,16 @@ def gaussian_response(
 
     The pendulum is at rest at `start`, or at minus infinity for None. Closed form with the Faddeeva function; [G] with
     the lower limit of the convolution, the factor `area`, the square completion and the signs corrected. `area` is the
-    peak [1/s2], `variance` is in s2.
+    peak [1/s2], `variance` is in s2. Within a relative 1e-10 of critical damping the result is that of critical
+    damping, because the difference of the roots divides; it is then off by a relative 2e-11 at most.
     """
     t = np.asarray(t, dtype=float)
     alpha = k2 / 2
-    if alpha * alpha <= w02:
+    if abs(alpha * alpha - w02) <= 1e-10 * w02:
+        whole = _gaussian_integral(t, center, variance, complex(alpha), start).real
+        moment = _gaussian_moment(t, center, variance, alpha, whole, start)
+        return area * moment, area * (whole - alpha * moment)
+    if alpha * alpha < w02:
         beta = sqrt(w02 - alpha * alpha)
         J = _gaussian_integral(t, center, variance, complex(alpha, -beta), start)
         return area / beta * J.imag, area * (J.real - alpha / beta * J.imag)
@@ -346,6 +351,17 @@ def gaussian_response(
         area * (of_slow - of_fast) / (fast - slow),
         area * (fast * of_fast - slow * of_slow) / (fast - slow),
     )
+
+
+def _gaussian_moment(
+    t: Array, center: float, variance: float, root: float, integral: Array, start: float | None
+) -> Array:
+    """Return the integral of s*exp(-root*s - (s - mu)^2/(2*variance)) from that without the factor s, by parts."""
+    mu = t - center
+    ends = np.exp(-mu * mu / (2 * variance))
+    if start is not None:
+        ends = ends - np.exp(-root * (t - start) - (start - center) ** 2 / (2 * variance))
+    return np.asarray((mu - root * variance) * integral + variance * ends)
 
 
 def _gaussian_integral(
