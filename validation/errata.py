@@ -249,7 +249,7 @@ CRAWFORD = Scene(
                     partial(_angle_at_1, g=G81),
                     "rad",
                     1e-11,
-                    "RK4 at h = 0.5 ms",
+                    "RK4 at h = 0.5 ms, (h*w0)^4 = 6e-12",
                 ),
                 Number(
                     "phi(1 s) as printed, the FMU with g < 0",
@@ -293,10 +293,15 @@ CRAWFORD = Scene(
                     partial(_spread_of_6, sign=-1.0),
                     "1/s2",
                     1e-11,
-                    "RK4 at h = 0.5 ms",
+                    "RK4 at h = 0.5 ms, (h*w0)^4 = 6e-12",
                 ),
                 Number(
-                    "its value k", "-8.4957092111253431", _constant_of_7, "1/s2", 1e-11, "RK4 at h = 0.5 ms"
+                    "its value k",
+                    "-8.4957092111253431",
+                    _constant_of_7,
+                    "1/s2",
+                    1e-11,
+                    "RK4 at h = 0.5 ms, (h*w0)^4 = 6e-12",
                 ),
             ),
         ),
