@@ -38,6 +38,10 @@ ON_DRAG = ("wrong sign of damping", "k for k^2", *ON_MOTION)
 CAUGHT = {
     "elliptic_period": ON_MOTION,
     "impulse_response": tuple(MUTATIONS),
+    "trajectory": ON_MOTION,
+    "crawford": ON_MOTION,
+    "grillo": tuple(MUTATIONS),
+    "errata": tuple(MUTATIONS),
     "work_precision": tuple(MUTATIONS),
     "stability": ON_DRAG,
     "stiff_extreme": tuple(MUTATIONS),

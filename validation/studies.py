@@ -13,7 +13,17 @@ from typing import Any, Protocol, cast
 from .fmu import Fmu
 from .results import Result
 
-NAMES = ("elliptic_period", "impulse_response", "work_precision", "stability", "stiff_extreme")
+NAMES = (
+    "elliptic_period",
+    "impulse_response",
+    "trajectory",
+    "crawford",
+    "grillo",
+    "errata",
+    "work_precision",
+    "stability",
+    "stiff_extreme",
+)
 
 
 class Scene(Protocol):
