@@ -1,0 +1,107 @@
+"""Programs that run as processes of their own: hosts in which errors happen. `python -m tests.hosts NAME FMU`.
+
+Each prints "survived" with the result of a legal run; a crash shows in the exit status of the process.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from math import nan
+from pathlib import Path
+from xml.etree import ElementTree
+
+from tests.driver import Fmu, collect, is_error
+
+ROOT = Path(__file__).resolve().parents[1]
+TIMES = 30  # the wrapper's bookkeeping of references used to break after a few errors, at the latest after ten
+
+
+def run_host(name: str, fmu: Path, *arguments: str, timeout: float = 100.0) -> subprocess.CompletedProcess[str]:
+    """Run a program of this module in a process of its own."""
+    # libtbb of the `tbb` package, which Ecos needs, lies in the lib folder of the environment.
+    libraries = os.pathsep.join(filter(None, [f"{sys.prefix}/lib", os.environ.get("LD_LIBRARY_PATH")]))
+    return subprocess.run(
+        [sys.executable, "-m", "tests.hosts", name, str(fmu), *arguments],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'fmu_src'}", "LD_LIBRARY_PATH": libraries},
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
+    )
+
+
+def fmpy_errors(path: Path, stderr: str = "open") -> float:
+    """Errors of every kind in FMPy, each followed by calls, freeing and collecting."""
+    from tests.test_conduct_reports import FAULTS
+
+    if stderr == "closed":
+        sys.stderr.close()
+    elif stderr == "none":
+        sys.stderr = None  # type: ignore[assignment]  # as under pythonw
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = Fmu(path, Path(folder))
+        for _ in range(TIMES):
+            for fault in FAULTS.values():
+                with fmu.instance() as instance, fmu.instance("other") as other:
+                    for _ in range(3):
+                        instance.reset()
+                        assert is_error(fault(instance))
+                        fault(instance)
+                        instance.get_references("Real", [0, 9, 10, 11, 12])
+                        instance.step(0.0, 0.01)
+                        instance.free_state(instance.save())
+                    fault(other)
+                collect()
+        with fmu.running() as instance:
+            instance.run([0.01 * k for k in range(1001)])
+            return instance.get("phi")[0]
+
+
+def libcosimpy_run(path: Path, **start: float) -> float:
+    """Run the default experiment in libcosimpy; NaN if a step failed."""
+    from libcosimpy.CosimEnums import CosimExecutionState
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.FATAL)
+    execution = CosimExecution.from_step_size(10_000_000)  # ns
+    slave = execution.add_local_slave(CosimLocalSlave(str(path), "pendulum"))
+    reference = references(path)
+    for name, value in start.items():
+        execution.real_initial_value(slave, reference[name], value)
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    if not all(execution.step() for _ in range(1000)):
+        assert CosimExecutionState(execution.status().state) is CosimExecutionState.ERROR
+        return nan
+    return float(observer.last_real_values(slave, [reference["phi"]])[0])
+
+
+def ecos_run(path: Path, **start: float) -> float:
+    """Run the default experiment in Ecos; NaN if a step failed."""
+    from ecospy import EcosSimulation, EcosSimulationStructure
+
+    with EcosSimulationStructure() as structure:
+        structure.add_model("pendulum", str(path))
+        structure.add_parameter_set("start", {f"pendulum::{name}": value for name, value in start.items()})
+        with EcosSimulation(structure=structure, step_size=0.01) as simulation:
+            if not simulation.init(parameter_set="start"):
+                return nan
+            for k in range(1, 1001):
+                if abs(simulation.step(1) - 0.01 * k) > 1e-9:
+                    return nan
+            return float(simulation.get_real("pendulum::phi"))
+
+
+def references(path: Path) -> dict[str, int]:
+    with zipfile.ZipFile(path) as packed:
+        root = ElementTree.fromstring(packed.read("modelDescription.xml"))
+    return {node.attrib["name"]: int(node.attrib["valueReference"]) for node in root.iter("ScalarVariable")}
