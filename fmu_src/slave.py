@@ -299,7 +299,8 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             value = nan
         if not isfinite(value):
             self._fail(
-                f"{name} is out of the range of a double at phi = {self._phi!r} rad, w = {self._w!r} rad/s"
+                f"{name} is out of the range of a double at phi = {self._phi!r} rad, w = {self._w!r} rad/s, "
+                f"tau = {self._values[TAU]!r} N.m"
             )
         return value
 
