@@ -6,6 +6,7 @@ import gc
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from ctypes import byref, c_char, c_double, c_int, c_size_t, c_uint, create_string_buffer
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -44,7 +45,9 @@ class Fmu:
         extract(str(path), str(folder))
         self.description = read_model_description(str(folder))
         self.reference = {v.name: v.valueReference for v in self.description.modelVariables}
-        self.type = {v.name: "Real" if v.type == "Real" else "Integer" for v in self.description.modelVariables}
+        self.type = {
+            v.name: "Real" if v.type == "Real" else "Integer" for v in self.description.modelVariables
+        }
 
     @contextmanager
     def instance(self, name: str = "pendulum", *, logging: bool = True) -> Iterator[Instance]:
@@ -123,7 +126,7 @@ class Instance:
 
     def run(self, times: Sequence[float]) -> None:
         """Step from each of `times` to the next."""
-        for time, end in zip(times, times[1:], strict=False):
+        for time, end in pairwise(times):
             assert self.step(time, end - time) == OK, self.errors
 
     def set(self, name: str, value: float) -> int:

@@ -17,20 +17,26 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from tests.driver import Fmu, collect, is_error
+
+from tests.driver import OK, Fmu, collect, is_error
 
 ROOT = Path(__file__).resolve().parents[1]
-TIMES = 30  # the wrapper's bookkeeping of references used to break after a few errors, at the latest after ten
+TIMES = (
+    30  # the wrapper's bookkeeping of references used to break after a few errors, at the latest after ten
+)
 
 
-def run_host(name: str, fmu: Path, *arguments: str, timeout: float = 100.0) -> subprocess.CompletedProcess[str]:
+def run_host(
+    name: str, fmu: Path, *arguments: str, timeout: float = 100.0
+) -> subprocess.CompletedProcess[str]:
     """Run a program of this module in a process of its own."""
     # libtbb of the `tbb` package, which Ecos needs, lies in the lib folder of the environment.
     libraries = os.pathsep.join(filter(None, [f"{sys.prefix}/lib", os.environ.get("LD_LIBRARY_PATH")]))
     return subprocess.run(
         [sys.executable, "-m", "tests.hosts", name, str(fmu), *arguments],
         cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'fmu_src'}", "LD_LIBRARY_PATH": libraries},
+        env=os.environ
+        | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'fmu_src'}", "LD_LIBRARY_PATH": libraries},
         capture_output=True,
         text=True,
         timeout=timeout,
@@ -124,6 +130,15 @@ def ecos_errors(path: Path) -> float:
         ecos_run(path, starts[k % 3], steps=10)
         collect()
     return ecos_run(path)
+
+
+def restored_future(path: Path, state: str) -> list[tuple[float, ...]]:
+    """Return what follows after a state of another process."""
+    from tests.test_conduct_state import follow
+
+    with tempfile.TemporaryDirectory() as folder, Fmu(path, Path(folder)).instance() as instance:
+        assert instance.restore_bytes(bytes.fromhex(state)) == OK
+        return follow(instance)
 
 
 def references(path: Path) -> dict[str, int]:

@@ -6,9 +6,10 @@ import re
 from math import inf, isfinite
 
 import pytest
-from damped_pendulum.solvers import SolverMethod, stability_limit
 from hypothesis import given
 from hypothesis import strategies as st
+
+from damped_pendulum.solvers import SolverMethod, stability_limit
 from tests.driver import OK, WARNING, Fmu, Instance, is_error
 
 EXPLICIT = (SolverMethod.ExplicitEuler, SolverMethod.ExplicitMidPoint2, SolverMethod.ExplicitRungeKutta4)
@@ -80,7 +81,14 @@ def test_the_implicit_method_survives_them_all(fmu: Fmu, start: dict[str, float]
 @pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_a_torque_too_large_for_a_double_is_an_error(fmu: Fmu, method: SolverMethod, gravity: float) -> None:
-    start = {"m": 1e-12, "gamma": 0.0, "g": gravity, "tau": 1e300, "solver.method": method, "solver.stepSize": 1e-4}
+    start = {
+        "m": 1e-12,
+        "gamma": 0.0,
+        "g": gravity,
+        "tau": 1e300,
+        "solver.method": method,
+        "solver.stepSize": 1e-4,
+    }
     with fmu.running(start) as instance:
         before = instance.get("phi", "w")
         assert is_error(instance.step(0.0, 0.01))
@@ -139,7 +147,10 @@ def test_an_unstable_step_size_is_warned_of_with_one_that_is_not(
     m, gamma, g = start.get("m", 1.0), start.get("gamma", 0.002), start.get("g", 9.80665)
     limit = stability_limit(method, gamma / m, g)
     with fmu.instance() as instance:
-        assert instance.initialize(start | {"solver.method": method, "solver.stepSize": factor * limit}) <= WARNING
+        assert (
+            instance.initialize(start | {"solver.method": method, "solver.stepSize": factor * limit})
+            <= WARNING
+        )
         (warning,) = instance.warnings
     assert warning.category in declared_categories(fmu)
     assert warning.text.startswith(f"solver.stepSize = {factor * limit!r} s is unstable: ")
@@ -165,7 +176,9 @@ def test_the_step_size_of_the_warning_is_never_warned_of(
 
 
 @pytest.mark.parametrize("method", [SolverMethod.ExplicitEuler, SolverMethod.ExplicitMidPoint2])
-def test_a_method_without_a_stable_step_size_is_warned_of_with_one_that_has(fmu: Fmu, method: SolverMethod) -> None:
+def test_a_method_without_a_stable_step_size_is_warned_of_with_one_that_has(
+    fmu: Fmu, method: SolverMethod
+) -> None:
     with fmu.running({"gamma": 0.0, "solver.method": method}) as instance:
         (warning,) = instance.warnings
     assert "has no stable step size for this pendulum" in warning.text
@@ -181,4 +194,6 @@ def test_a_stable_step_size_is_not_warned_of(fmu: Fmu, method: SolverMethod) -> 
 
 
 def declared_categories(fmu: Fmu) -> set[str]:
-    return set(re.findall(r'<Category name="(\w+)"', (fmu.folder / "modelDescription.xml").read_text("utf-8")))
+    return set(
+        re.findall(r'<Category name="(\w+)"', (fmu.folder / "modelDescription.xml").read_text("utf-8"))
+    )

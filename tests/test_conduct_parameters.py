@@ -6,6 +6,7 @@ import re
 from math import inf, isnan, nan
 
 import pytest
+
 from tests.driver import OK, Fmu, is_error
 from tests.twin import OUTPUTS, Twin
 
@@ -63,7 +64,9 @@ def test_all_bad_parameters_are_in_one_message(fmu: Fmu) -> None:
         ({"L": 1e-150, "m": 1e10, "g": 1e200}, "g/L = inf"),
     ],
 )
-def test_parameters_that_cannot_be_computed_with_are_refused(fmu: Fmu, start: dict[str, float], told: str) -> None:
+def test_parameters_that_cannot_be_computed_with_are_refused(
+    fmu: Fmu, start: dict[str, float], told: str
+) -> None:
     with fmu.instance() as instance:
         assert is_error(instance.initialize(start))
         assert told in instance.errors[0]

@@ -12,6 +12,7 @@ from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
 from hypothesis import given
 from hypothesis import strategies as st
+
 from tests.driver import ERROR, FATAL, Fmu, Instance, is_error
 from tests.test_conduct_divergence import declared_categories
 
@@ -68,7 +69,9 @@ def test_no_message_contains_a_percent_sign(fmu: Fmu, fault: Callable[[Instance]
 
 
 @given(
-    values=st.fixed_dictionaries({name: st.floats() for name in ("m", "L", "gamma", "g", "phi_start", "w_start")}),
+    values=st.fixed_dictionaries(
+        {name: st.floats() for name in ("m", "L", "gamma", "g", "phi_start", "w_start")}
+    ),
     method=st.integers(-(2**31), 2**31 - 1),
     h=st.floats(),
     name=st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1),
@@ -84,8 +87,10 @@ def test_whatever_the_values_the_message_has_no_percent_sign(
         assert not any("%" in entry.text for entry in instance.log)
 
 
-def test_fmpy_shows_the_reason_in_its_log_and_on_stderr(fmu_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(FMICallException, match="fmi2ExitInitializationMode failed with status [34]"):
+def test_fmpy_shows_the_reason_in_its_log_and_on_stderr(
+    fmu_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(FMICallException, match=r"fmi2ExitInitializationMode failed with status [34]"):
         simulate_fmu(str(fmu_path), start_values={"m": -1.0}, debug_logging=True)
     captured = capfd.readouterr()
     assert "[ERROR] DampedPendulum: cannot initialize: m = -1.0 kg (allowed: > 0)" in captured.out

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
+
 from tests.driver import OK, Fmu, Instance, is_error
 from tests.twin import OUTPUTS, Twin
 
@@ -87,9 +88,13 @@ def test_without_a_stop_time_there_is_none(fmu: Fmu) -> None:
         assert instance.step(1e6, 0.01) == OK
 
 
-@pytest.mark.parametrize("excess", [-0.9e-9, 0.9e-9])  # FMPy takes what is within a relative 1e-9 for the stop time
+@pytest.mark.parametrize(
+    "excess", [-0.9e-9, 0.9e-9]
+)  # FMPy takes what is within a relative 1e-9 for the stop time
 def test_fmpy_may_miss_the_stop_time_by_its_own_tolerance(fmu_path: Path, excess: float) -> None:
-    result = fmpy.simulate_fmu(str(fmu_path), stop_time=1.0, output_interval=0.01 * (1.0 + excess), output=["phi"])
+    result = fmpy.simulate_fmu(
+        str(fmu_path), stop_time=1.0, output_interval=0.01 * (1.0 + excess), output=["phi"]
+    )
     assert len(result) == 101
 
 
