@@ -1,24 +1,27 @@
 """Programs that run as processes of their own: hosts in which errors happen. `python -m tests.hosts NAME FMU`.
 
-Each prints "survived" with the result of a legal run; a crash shows in the exit status of the process.
+Each prints "survived" and the result of a legal run; a crash shows in the exit status of the process.
 """
 
 from __future__ import annotations
 
 import gc
 import os
+import resource
 import subprocess
 import sys
 import tempfile
 import zipfile
+from ast import literal_eval
 from importlib.util import find_spec
 from math import isnan, nan
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 
-from tests.driver import OK, Fmu, collect, is_error
+from tests.driver import OK, Fmu, Instance, collect, is_error
 
 ROOT = Path(__file__).resolve().parents[1]
 TIMES = (
@@ -26,22 +29,24 @@ TIMES = (
 )
 
 
-def run_host(
-    name: str, fmu: Path, *arguments: str, timeout: float = 100.0
-) -> subprocess.CompletedProcess[str]:
-    """Run a program of this module in a process of its own."""
+def run_host(name: str, fmu: Path, *arguments: str) -> Any:
+    """Run a program of this module in a process of its own, which must survive, and return its result."""
     # libtbb of the `tbb` package, which Ecos needs, lies in the lib folder of the environment.
     libraries = os.pathsep.join(filter(None, [f"{sys.prefix}/lib", os.environ.get("LD_LIBRARY_PATH")]))
-    return subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-m", "tests.hosts", name, str(fmu), *arguments],
         cwd=ROOT,
         env=os.environ
         | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'fmu_src'}", "LD_LIBRARY_PATH": libraries},
         capture_output=True,
         text=True,
-        timeout=timeout,
+        timeout=100.0,
         check=False,
     )
+    assert done.returncode == 0, f"exit status {done.returncode}: {done.stderr[-2000:]}"
+    word, result = done.stdout.split(maxsplit=1)
+    assert word == "survived", done.stdout
+    return literal_eval(result)
 
 
 def needs(module: str) -> pytest.MarkDecorator:
@@ -139,6 +144,22 @@ def restored_future(path: Path, state: str) -> list[tuple[float, ...]]:
     with tempfile.TemporaryDirectory() as folder, Fmu(path, Path(folder)).instance() as instance:
         assert instance.restore_bytes(bytes.fromhex(state)) == OK
         return follow(instance)
+
+
+def many_in_sequence(path: Path, count: str) -> tuple[int, float]:
+    """Return the growth of the memory [KiB] over so many instances, and phi of the last one."""
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = Fmu(path, Path(folder))
+        keeper = Instance(fmu)  # keeps the library loaded
+        for k in range(int(count) + 300):
+            if k == 300:  # by then the caches are filled
+                before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            keeper.slave.instantiate(callbacks=keeper.slave.callbacks)
+            assert keeper.initialize() == OK
+            assert keeper.step(0.0, 0.01) == OK
+            (phi,) = keeper.get("phi")
+            keeper.slave.fmi2FreeInstance(keeper.slave.component)
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, phi
 
 
 def references(path: Path) -> dict[str, int]:
