@@ -77,7 +77,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             "w": lambda: self._w,
             "a": partial(self._computed, "a", self._acceleration),
             "E": partial(self._computed, "E", self._energy),
-            "solver.nfev": lambda: self._nfev,
+            "solver.nfev": lambda: min(self._nfev, NFEV_MAX),
         }
         self._readers: dict[type, dict[int, Callable[[], Any]]] = {
             kind: {} for kind in (Real, Integer, Boolean, String)
@@ -156,7 +156,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         if not (isfinite(phi) and isfinite(w)):
             self._report_divergence(current_time, step_size / n)
         self._phi, self._w = phi, w
-        self._nfev = min(self._nfev + nfev, NFEV_MAX)
+        self._nfev += nfev
         return True
 
     def terminate(self) -> None:
