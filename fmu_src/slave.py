@@ -153,6 +153,8 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             self._fail(f"no step from t = {current_time!r} s: {error}")
         except ValueError:  # math.sin(inf)
             self._report_divergence(current_time, step_size / n)
+        except (KeyboardInterrupt, MemoryError) as error:
+            self._fail(f"no step from t = {current_time!r} s: {type(error).__name__}")
         if not (isfinite(phi) and isfinite(w)):
             self._report_divergence(current_time, step_size / n)
         self._phi, self._w = phi, w

@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import os
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from importlib.util import find_spec
 from math import inf, isfinite, isnan, nan
 from pathlib import Path
 from random import Random
+from threading import Timer
 from typing import Any
 from xml.etree import ElementTree
 
@@ -81,6 +83,24 @@ def fmpy_errors(path: Path, stderr: str = "open") -> float:
                             instance.step(0.0, 0.01)
                             instance.free_state(instance.save())
                         fault(other)
+            collect()
+        with fmu.running() as instance:
+            instance.run([0.01 * k for k in range(1001)])
+            return instance.get("phi")[0]
+
+
+def fmpy_interrupted(path: Path) -> float:
+    """Ctrl-C in the middle of a long step, again and again."""
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = Fmu(path, Path(folder))
+        for _ in range(TIMES):
+            with fmu.running({"solver.stepSize": 1e-7}) as instance:
+                before = instance.get("phi", "w", "solver.nfev")
+                for _ in range(3):
+                    Timer(0.01, signal.raise_signal, [signal.SIGINT]).start()
+                    assert is_error(instance.step(0.0, 100.0))  # minutes
+                    assert "KeyboardInterrupt" in instance.errors[0]
+                assert instance.get("phi", "w", "solver.nfev") == before
             collect()
         with fmu.running() as instance:
             instance.run([0.01 * k for k in range(1001)])

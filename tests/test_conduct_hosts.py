@@ -24,6 +24,10 @@ def test_fmpy_survives_errors_of_every_kind(fmu_path: Path, stderr: str) -> None
     assert run_host("fmpy_errors", fmu_path, stderr) == default_angle()
 
 
+def test_fmpy_survives_control_c_in_a_long_step(fmu_path: Path) -> None:
+    assert run_host("fmpy_interrupted", fmu_path) == default_angle()
+
+
 @pytest.mark.parametrize(
     "program",
     [

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from ctypes import c_uint
+from io import StringIO
 from math import nan
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from fmpy.fmi1 import FMICallException
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slave import DampedPendulum, FmuError
 from tests.driver import ERROR, FATAL, Fmu, Instance, is_error
 from tests.test_conduct_divergence import declared_categories
 
@@ -57,6 +60,26 @@ def test_an_error_is_on_stderr_whether_or_not_there_is_a_log(
     assert len(lines) == 1
     assert lines[0].startswith("pendulum: ")
     assert told == (lines if logging else [])
+
+
+class ClosedPipe(StringIO):
+    def write(self, text: str) -> int:
+        raise BrokenPipeError
+
+
+closed = StringIO()
+closed.close()
+
+
+@pytest.mark.parametrize("stderr", [None, closed, ClosedPipe()], ids=["none", "closed", "broken pipe"])
+def test_a_stderr_that_cannot_be_written_does_not_hide_the_reason(
+    stderr: StringIO | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slave = DampedPendulum(instance_name="pendulum")
+    monkeypatch.setattr(sys, "stderr", stderr)
+    with pytest.raises(FmuError, match="pendulum: phi is an output"):
+        slave.set_real([9], [1.0])
+    assert [message.msg for message in slave.log_queue] == ["pendulum: phi is an output: it cannot be set"]
 
 
 @each_fault
