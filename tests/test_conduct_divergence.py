@@ -96,6 +96,19 @@ def test_a_torque_too_large_for_a_double_is_an_error(fmu: Fmu, method: SolverMet
         assert instance.get("phi", "w") == before
 
 
+def test_a_rate_that_overflows_in_the_last_substep_is_an_error(fmu: Fmu) -> None:
+    start = {
+        "g": 0.0,
+        "gamma": 0.0,
+        "tau": 1e308,
+        "solver.method": SolverMethod.ExplicitEuler,
+        "solver.stepSize": 10.0,
+    }
+    with fmu.running(start) as instance:
+        assert is_error(instance.step(0.0, 10.0))  # the angle still advances with the old rate, 0
+        assert instance.get("w") == (0.0,)
+
+
 def test_within_the_stability_limit_the_error_points_to_torque_and_start(fmu: Fmu) -> None:
     with fmu.running({"w_start": 1.7e308, "g": 0.0, "gamma": 0.0, "solver.stepSize": 1.0}) as instance:
         assert is_error(instance.step(0.0, 10.0))
