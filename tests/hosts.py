@@ -28,9 +28,7 @@ import pytest
 from tests.driver import DISCARD, ERROR, FATAL, OK, WARNING, Fmu, Instance, collect, is_error
 
 ROOT = Path(__file__).resolve().parents[1]
-TIMES = (
-    30  # the wrapper's bookkeeping of references used to break after a few errors, at the latest after ten
-)
+TIMES = 30
 
 
 def run_host(name: str, fmu: Path, *arguments: str) -> Any:

@@ -10,7 +10,7 @@ import pytest
 from tests.hosts import run_host
 from tests.test_conduct_hosts import default_angle
 
-CALLS = 24_000 if os.environ.get("CI") else 4_000
+CALLS = 12_000 if os.environ.get("CI") else 2_000
 
 
 @pytest.mark.slow
