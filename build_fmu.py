@@ -36,6 +36,16 @@ from damped_pendulum.solvers import METHODS, SolverMethod, stability_limit  # no
 
 PACKAGE = "damped_pendulum"
 DEFAULT_OUTPUT = ROOT / "dist" / f"{interface.MODEL_NAME}.fmu"
+SCRIPT = """\
+from {package} import slave
+from {package}.fmi2 import keep_alive
+
+keep_alive(globals())  # pythonfmu 0.7 releases the names of this script once too often with every instance
+
+
+class {model}(slave.{model}):
+    __doc__ = slave.{model}.__doc__
+"""
 NAMESPACE = uuid.UUID("5f0c5b1e-5d5c-4f0e-9b0a-3d9d3c1a7e42")  # of the GUIDs of this project
 
 
@@ -89,7 +99,6 @@ def stage(sources: Path, folder: Path) -> Path:
         digest.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
     package = f"{PACKAGE}_{digest.hexdigest()[:8]}"
     shutil.copytree(sources / PACKAGE, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
-    script = folder / f"{package}_slave.py"
     text, replaced = re.subn(
         rf"^from {PACKAGE}\b",
         f"from {package}",
@@ -98,7 +107,10 @@ def stage(sources: Path, folder: Path) -> Path:
     )
     if not replaced:
         raise BuildError(f"slave.py imports nothing from {PACKAGE}")
-    script.write_text(text, "utf-8", newline="\n")
+    (folder / package / "slave.py").write_text(text, "utf-8", newline="\n")
+    # pythonfmu compiles the script anew for every instance and never frees it, so there is next to nothing in it.
+    script = folder / f"{package}_slave.py"
+    script.write_text(SCRIPT.format(package=package, model=interface.MODEL_NAME), "utf-8", newline="\n")
     return script
 
 

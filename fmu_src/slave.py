@@ -6,8 +6,9 @@ import json
 import sys
 import zlib
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Any, NoReturn
 from xml.etree.ElementTree import Element
 
@@ -74,9 +75,9 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         outputs: dict[str, Callable[[], float]] = {
             "phi": lambda: self._phi,
             "w": lambda: self._w,
-            "a": self._acceleration,
-            "E": lambda: self._pendulum.energy(self._phi, self._w),
-            "solver.nfev": lambda: self._nfev,
+            "a": partial(self._computed, "a", self._acceleration),
+            "E": partial(self._computed, "E", self._energy),
+            "solver.nfev": lambda: min(self._nfev, NFEV_MAX),
         }
         self._readers: dict[type, dict[int, Callable[[], Any]]] = {
             kind: {} for kind in (Real, Integer, Boolean, String)
@@ -96,16 +97,23 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
         """Note the stop time [s]; a fixed-step method has no use for the tolerance."""
+        self._require("instantiated", "fmi2SetupExperiment")
+        if not (isfinite(start_time) and (stop_time is None or start_time <= stop_time)):
+            self._fail(
+                f"startTime = {start_time!r} s must be finite and not beyond stopTime = {stop_time!r} s"
+            )
         if stop_time is not None:
-            # Importers that add up their steps arrive a little beyond it.
-            self._latest_end = stop_time + 1e-9 * max(abs(start_time), abs(stop_time))
+            # Importers that add up their steps arrive a little beyond it; FMPy allows itself a relative 1e-9.
+            self._latest_end = stop_time + 2e-9 * max(abs(start_time), abs(stop_time))
 
     def enter_initialization_mode(self) -> None:
         """Enter initialization; the parameters may still be set."""
+        self._require("instantiated", "fmi2EnterInitializationMode")
         self._mode = "initialization"
 
     def exit_initialization_mode(self) -> None:
         """Check the parameters, all problems in one message, and warn of an unstable step size."""
+        self._require("initialization", "fmi2ExitInitializationMode")
         problems = [
             describe(variable, value)
             for variable, value in zip(VARIABLES, self._values, strict=True)
@@ -117,7 +125,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         self._choose_solver()
         if self._max_step > self._limit:
             self.log(
-                f"{describe(VARIABLES[STEP_SIZE_VR], self._max_step)} is unstable: {self._advice()}",
+                f"solver.stepSize = {self._max_step!r} s is unstable: {self._advice(self._max_step)}",
                 Fmi2Status.warning,
                 "logStatusWarning",
             )
@@ -145,10 +153,12 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             self._fail(f"no step from t = {current_time!r} s: {error}")
         except ValueError:  # math.sin(inf)
             self._report_divergence(current_time, step_size / n)
+        except (KeyboardInterrupt, MemoryError) as error:
+            self._fail(f"no step from t = {current_time!r} s: {type(error).__name__}")
         if not (isfinite(phi) and isfinite(w)):
             self._report_divergence(current_time, step_size / n)
         self._phi, self._w = phi, w
-        self._nfev = min(self._nfev + nfev, NFEV_MAX)
+        self._nfev += nfev
         return True
 
     def terminate(self) -> None:
@@ -224,7 +234,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         exception, and a static method does not know which instance to hold.
         """
         body = data[8:]
-        if data[:8] != f"{zlib.crc32(body):08x}".encode():
+        if not body or data[:8] != f"{zlib.crc32(body):08x}".encode():
             return {"refused": "the bytes are damaged (wrong checksum)"}
         state: dict[str, Any] = json.loads(body)
         if state.get("format") != STATE_FORMAT:
@@ -237,8 +247,6 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             return [readers[vr]() for vr in vrs]
         except KeyError as error:
             self._fail(_wrong_reference(error.args[0], kind))
-        except (ValueError, ZeroDivisionError):
-            self._fail("the outputs cannot be computed from the present parameters")
 
     def _set(self, kind: type, vrs: Sequence[int], values: Sequence[Any]) -> None:
         for vr in vrs:
@@ -283,6 +291,25 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         motion = self._pendulum.motion(self._values[TAU])
         return motion.acceleration()(self._phi, self._w)
 
+    def _energy(self) -> float:
+        return self._pendulum.energy(self._phi, self._w)
+
+    def _computed(self, name: str, compute: Callable[[], float]) -> float:
+        try:
+            value = compute()
+        except (ValueError, ZeroDivisionError):  # math.sin(inf), m = 0 before the parameters are checked
+            value = nan
+        if not isfinite(value):
+            self._fail(
+                f"{name} is out of the range of a double at phi = {self._phi!r} rad, w = {self._w!r} rad/s, "
+                f"tau = {self._values[TAU]!r} N.m"
+            )
+        return value
+
+    def _require(self, mode: str, call: str) -> None:
+        if self._mode != mode:
+            self._fail(f"{call} is allowed in mode {mode} only, the instance is in mode {self._mode}")
+
     def _refuse_step(self, current_time: float, step_size: float) -> NoReturn:
         if self._mode != "stepping":
             self._fail(f"no step in mode {self._mode}: initialize the instance first")
@@ -307,33 +334,41 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             pass
         self._fail(
             f"diverged at t = {time + count * h!r} s: substep {count} of {h!r} s with "
-            f"{self._method.name} left the range of a double; {self._advice()}"
+            f"{self._method.name} left the range of a double; {self._advice(h)}"
         )
 
-    def _advice(self) -> str:
-        if self._limit == inf:
-            return f"{self._method.name} has no stability limit: check the torque and the start values"
+    def _advice(self, h: float) -> str:
+        """Say what to do about substeps of `h` [s] that went wrong or will."""
+        method = self._method.name
         if self._limit == 0.0:
             return (
-                f"{self._method.name} has no stable step size without damping: "
+                f"{method} has no stable step size for this pendulum (stability limit 0 s): "
                 "use ExplicitRungeKutta4 or ImplicitEuler"
             )
+        if h <= self._limit:
+            return (
+                f"{h!r} s is within the stability limit of {method} for this pendulum "
+                f"({self._limit:.6g} s): check the torque and the start values"
+            )
+        stable = 0.9999 * self._limit  # stays below the limit when it is rounded to five digits
         return (
-            f"the stability limit of {self._method.name} for this pendulum is {self._limit:.6g} s: "
-            "use a smaller solver.stepSize or ImplicitEuler"
+            f"the stability limit of {method} for this pendulum is {self._limit:.6g} s: "
+            f"use solver.stepSize = {stable:.5g} s or less, or ImplicitEuler"
         )
 
     def _fail(self, message: str) -> NoReturn:
-        """Raise `message`, which the wrapper logs, after giving it to the log and to stderr."""
+        """Give `message` to the log and to stderr, and raise it; no `%`, because importers use it as a format."""
+        keep_alive(self, type(self), self.log_queue)
         text = f"{self.instance_name}: {message}".replace("%", "percent")
         self.log(text, Fmi2Status.error, "logStatusError")
-        if sys.stderr is not None:  # hosts without a console have none
-            print(text, file=sys.stderr)
-        keep_alive(self, type(self), self.log_queue)
+        # A host may have no stderr, a closed one or one that cannot write the instance name.
+        with suppress(AttributeError, OSError, ValueError):
+            sys.stderr.write(text + "\n")
         raise FmuError(text)
 
 
 def _wrong_reference(vr: int, kind: type) -> str:
     if 0 <= vr < len(VARIABLES):
         return f"{VARIABLES[vr].name} (value reference {vr}) is not of type {kind.__name__}"
+    vr %= 2**32  # pythonfmu hands it over as a signed number
     return f"value reference {vr} is unknown (allowed: 0..{len(VARIABLES) - 1})"

@@ -118,6 +118,7 @@ sys.path.insert(0, {str(resources)!r})
 before = set(sys.modules)
 name = open({str(resources / "slavemodule.txt")!r}).readline()
 slave = __import__(name).DampedPendulum(instance_name="alone")
+slave.enter_initialization_mode()
 slave.exit_initialization_mode()
 assert slave.do_step(0.0, 0.1)
 foreign = [n for n in set(sys.modules) - before

@@ -272,4 +272,4 @@ def substeps(time: float, duration: float, max_step: float) -> int:
             f"a communication step of {duration!r} s would need {n:.3g} substeps of {max_step!r} s, "
             f"at most {MAX_SUBSTEPS} are allowed"
         )
-    return max(1, ceil(n))
+    return ceil(n) if n > 1.0 else 1

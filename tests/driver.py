@@ -1,0 +1,192 @@
+"""A thin driver over FMPy's low-level API: calls return their status, and what is logged is kept."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from ctypes import byref, c_char, c_double, c_int, c_size_t, c_uint, create_string_buffer
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fmpy import calloc, extract, free, read_model_description
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import (
+    FMU2Slave,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+    fmi2FMUstate,
+)
+
+OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
+
+
+def is_error(status: int) -> bool:
+    """Return whether `status` is an error; pythonfmu knows Fatal only."""
+    return status in (ERROR, FATAL)
+
+
+class Log(NamedTuple):
+    """A call of the logger."""
+
+    status: int
+    category: str
+    text: str
+
+
+class Fmu:
+    """An extracted FMU."""
+
+    def __init__(self, path: Path, folder: Path) -> None:
+        self.path, self.folder = path, folder
+        extract(str(path), str(folder))
+        self.description = read_model_description(str(folder))
+        self.reference = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.type = {
+            v.name: "Real" if v.type == "Real" else "Integer" for v in self.description.modelVariables
+        }
+
+    @contextmanager
+    def instance(self, name: str = "pendulum", *, logging: bool = True) -> Iterator[Instance]:
+        """Yield an instance that is freed in the end."""
+        instance = Instance(self, name, logging)
+        try:
+            yield instance
+        finally:
+            instance.free()
+
+    @contextmanager
+    def running(self, start: Mapping[str, float] | None = None, time: float = 0.0) -> Iterator[Instance]:
+        """Yield an instance that is initialized with the start values of `start`."""
+        with self.instance() as instance:
+            assert instance.initialize(start, time=time) <= WARNING, instance.errors
+            yield instance
+
+
+class Instance:
+    """An instance of an FMU."""
+
+    def __init__(self, fmu: Fmu, name: str = "pendulum", logging: bool = True) -> None:
+        self.fmu = fmu
+        self.log: list[Log] = []
+        self.slave = FMU2Slave(
+            guid=fmu.description.guid,
+            unzipDirectory=str(fmu.folder),
+            modelIdentifier=fmu.description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        log = self.log
+
+        def logger(_: object, __: bytes, status: int, category: bytes | None, text: bytes) -> None:
+            log.append(Log(status, "" if category is None else category.decode(), text.decode()))
+
+        callbacks = fmi2CallbackFunctions()
+        callbacks.logger = fmi2CallbackLoggerTYPE(logger)
+        callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
+        callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
+        self.slave.instantiate(callbacks=callbacks, loggingOn=logging)
+
+    def free(self) -> None:
+        self.slave.freeInstance()
+
+    @property
+    def errors(self) -> list[str]:
+        """The texts logged as errors."""
+        return [entry.text for entry in self.log if is_error(entry.status)]
+
+    @property
+    def warnings(self) -> list[Log]:
+        return [entry for entry in self.log if entry.status == WARNING]
+
+    def call(self, function: str, *arguments: Any) -> int:
+        """Call `function` without its component and return the status."""
+        try:
+            return int(getattr(self.slave, function)(self.slave.component, *arguments))
+        except FMICallException as error:
+            return int(error.status)
+
+    def initialize(
+        self, start: Mapping[str, float] | None = None, *, time: float = 0.0, stop: float | None = None
+    ) -> int:
+        """Set start values and initialize; return the worst status."""
+        statuses = [self.set(name, value) for name, value in (start or {}).items()]
+        statuses.append(self.call("fmi2SetupExperiment", 0, 0.0, time, stop is not None, stop or 0.0))
+        statuses.append(self.call("fmi2EnterInitializationMode"))
+        statuses.append(self.call("fmi2ExitInitializationMode"))
+        return max(statuses)
+
+    def reset(self) -> int:
+        return self.call("fmi2Reset")
+
+    def step(self, time: float, duration: float) -> int:
+        return self.call("fmi2DoStep", time, duration, 1)
+
+    def run(self, times: Sequence[float]) -> None:
+        """Step from each of `times` to the next."""
+        for time, end in pairwise(times):
+            assert self.step(time, end - time) == OK, self.errors
+
+    def set(self, name: str, value: float) -> int:
+        return self.set_references(self.fmu.type[name], [self.fmu.reference[name]], [value])
+
+    def set_references(self, kind: str, references: Sequence[int], values: Sequence[Any]) -> int:
+        """Call fmi2SetReal, fmi2SetInteger, fmi2SetBoolean."""
+        element = c_double if kind == "Real" else c_int
+        n = len(references)
+        return self.call(f"fmi2Set{kind}", (c_uint * n)(*references), n, (element * n)(*values))
+
+    def get(self, *names: str) -> tuple[float, ...]:
+        """Return values, which must be readable."""
+        values = []
+        for name in names:
+            status, value = self.get_references(self.fmu.type[name], [self.fmu.reference[name]])
+            assert status == OK, self.errors
+            values += value
+        return tuple(values)
+
+    def get_references(self, kind: str, references: Sequence[int]) -> tuple[int, list[float]]:
+        """Call fmi2GetReal, fmi2GetInteger, fmi2GetBoolean; return the status and the values."""
+        n = len(references)
+        values = ((c_double if kind == "Real" else c_int) * n)()
+        return self.call(f"fmi2Get{kind}", (c_uint * n)(*references), n, values), list(values)
+
+    def save(self) -> fmi2FMUstate:
+        state = fmi2FMUstate()
+        assert self.call("fmi2GetFMUstate", byref(state)) == OK, self.errors
+        return state
+
+    def restore(self, state: fmi2FMUstate) -> int:
+        return self.call("fmi2SetFMUstate", state)
+
+    def free_state(self, state: fmi2FMUstate) -> None:
+        assert self.call("fmi2FreeFMUstate", byref(state)) == OK
+
+    def serialize(self, state: fmi2FMUstate) -> bytes:
+        size = c_size_t()
+        assert self.call("fmi2SerializedFMUstateSize", state, byref(size)) == OK
+        data = create_string_buffer(size.value)
+        assert self.call("fmi2SerializeFMUstate", state, data, size.value) == OK
+        return data.raw
+
+    def deserialize(self, data: bytes) -> tuple[int, fmi2FMUstate]:
+        state = fmi2FMUstate()
+        buffer = (c_char * len(data)).from_buffer_copy(data)
+        return self.call("fmi2DeSerializeFMUstate", buffer, len(data), byref(state)), state
+
+    def restore_bytes(self, data: bytes) -> int:
+        """Deserialize and restore; return the worse status."""
+        status, state = self.deserialize(data)
+        if is_error(status):
+            return status
+        status = self.restore(state)
+        self.free_state(state)
+        return status
+
+
+def collect() -> None:
+    """Let Python find what was released too often."""
+    for _ in range(3):
+        gc.collect()

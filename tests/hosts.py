@@ -1,0 +1,388 @@
+"""Programs that run as processes of their own: hosts in which errors happen. `python -m tests.hosts NAME FMU`.
+
+Each prints "survived" and the result of a legal run; a crash shows in the exit status of the process.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import zipfile
+from ast import literal_eval
+from ctypes import byref, c_char_p, c_double, c_int, c_uint
+from importlib.util import find_spec
+from math import inf, isfinite, isnan, nan
+from pathlib import Path
+from random import Random
+from threading import Timer
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from tests.driver import DISCARD, ERROR, FATAL, OK, WARNING, Fmu, Instance, collect, is_error
+
+ROOT = Path(__file__).resolve().parents[1]
+TIMES = 30
+
+
+def run_host(name: str, fmu: Path, *arguments: str) -> Any:
+    """Run a program of this module in a process of its own, which must survive, and return its result."""
+    # libtbb of the `tbb` package, which Ecos needs, lies in the lib folder of the environment.
+    libraries = os.pathsep.join(filter(None, [f"{sys.prefix}/lib", os.environ.get("LD_LIBRARY_PATH")]))
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.hosts", name, str(fmu), *arguments],
+        cwd=ROOT,
+        env=os.environ
+        | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'fmu_src'}", "LD_LIBRARY_PATH": libraries},
+        capture_output=True,
+        text=True,
+        timeout=100.0,
+        check=False,
+    )
+    assert done.returncode == 0, f"exit status {done.returncode}: {done.stderr[-2000:]}"
+    word, result = done.stdout.split(maxsplit=1)
+    assert word == "survived", done.stdout
+    return literal_eval(result)
+
+
+def needs(module: str) -> pytest.MarkDecorator:
+    """Return the mark that skips a test where the importer `module` is missing."""
+    return pytest.mark.skipif(
+        find_spec(module) is None, reason=f"{module} is not installed: pip install '.[importers]'"
+    )
+
+
+def fmpy_errors(path: Path, stderr: str = "open") -> float:
+    """Errors of every kind in FMPy, each followed by calls, freeing and collecting."""
+    from tests.test_conduct_reports import FAULTS
+
+    if stderr == "closed":
+        sys.stderr.close()
+    elif stderr == "none":
+        sys.stderr = None  # type: ignore[assignment]  # as under pythonw
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = Fmu(path, Path(folder))
+        gc.freeze()  # what is imported need not be searched
+        for _ in range(TIMES if stderr == "open" else 3):
+            with fmu.instance("other") as other:
+                for fault in FAULTS.values():
+                    with fmu.instance() as instance:
+                        for _ in range(3):
+                            instance.reset()
+                            assert is_error(fault(instance))
+                            fault(instance)
+                            instance.get_references("Real", [0, 9, 10, 11, 12])
+                            instance.step(0.0, 0.01)
+                            instance.free_state(instance.save())
+                        fault(other)
+            collect()
+        with fmu.running() as instance:
+            instance.run([0.01 * k for k in range(1001)])
+            return instance.get("phi")[0]
+
+
+def fmpy_interrupted(path: Path) -> float:
+    """Ctrl-C in the middle of a long step, again and again."""
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = Fmu(path, Path(folder))
+        for _ in range(TIMES):
+            with fmu.running({"solver.stepSize": 1e-7}) as instance:
+                before = instance.get("phi", "w", "solver.nfev")
+                for _ in range(3):
+                    Timer(0.01, signal.raise_signal, [signal.SIGINT]).start()
+                    assert is_error(instance.step(0.0, 100.0))  # minutes
+                    assert "KeyboardInterrupt" in instance.errors[0]
+                assert instance.get("phi", "w", "solver.nfev") == before
+            collect()
+        with fmu.running() as instance:
+            instance.run([0.01 * k for k in range(1001)])
+            return instance.get("phi")[0]
+
+
+def libcosimpy_run(path: Path, start: dict[str, float] | None = None) -> float:
+    """Run the default experiment in libcosimpy; return phi, NaN if a step failed."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.FATAL)
+    reference = references(path)
+    execution = CosimExecution.from_step_size(10_000_000)  # ns
+    slave = execution.add_local_slave(CosimLocalSlave(str(path), "pendulum"))
+    for name, value in (start or {}).items():
+        assert execution.real_initial_value(slave, reference[name], value)
+    observer = CosimObserver.create_last_value()
+    assert execution.add_observer(observer)
+    if not all(execution.step() for _ in range(1000)):
+        return nan
+    return float(observer.last_real_values(slave, [reference["phi"]])[0])
+
+
+def ecos_run(path: Path, start: dict[str, float] | None = None, steps: int = 1000) -> float:
+    """Run the default experiment, or its first `steps` steps, in Ecos; return phi."""
+    from ecospy import EcosSimulation, EcosSimulationStructure
+
+    with EcosSimulationStructure() as structure:
+        structure.add_model("pendulum", str(path))
+        structure.add_parameter_set(
+            "start", {f"pendulum::{name}": value for name, value in (start or {}).items()}
+        )
+        with EcosSimulation(structure=structure, step_size=0.01) as simulation:
+            simulation.init(parameter_set="start")
+            simulation.step(steps)
+            return float(simulation.get_real("pendulum::phi"))
+
+
+def libcosimpy_errors(path: Path) -> float:
+    """Divergence in libcosimpy. (It aborts on an error of any FMU during initialization.)"""
+    for _ in range(TIMES):
+        assert isnan(libcosimpy_run(path, {"gamma": 1e5}))
+        collect()
+    return libcosimpy_run(path)
+
+
+def ecos_errors(path: Path) -> float:
+    """Errors in Ecos, which takes no notice of them and goes on with the state before."""
+    starts: list[dict[str, float]] = [{"m": -1.0}, {"tau": nan}, {"gamma": 1e5}]
+    for k in range(TIMES):
+        ecos_run(path, starts[k % 3], steps=10)
+        collect()
+    return ecos_run(path)
+
+
+def restored_future(path: Path, state: str) -> list[tuple[float, ...]]:
+    """Return what follows after a state of another process."""
+    from tests.test_conduct_state import follow
+
+    with tempfile.TemporaryDirectory() as folder, Fmu(path, Path(folder)).instance() as instance:
+        assert instance.restore_bytes(bytes.fromhex(state)) == OK
+        return follow(instance)
+
+
+def many_in_sequence(path: Path, count: str) -> tuple[int, float]:
+    """Return the growth of the memory [KiB] over so many instances, and phi of the last one."""
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = Fmu(path, Path(folder))
+        keeper = Instance(fmu)  # keeps the library loaded
+        for k in range(int(count) + 300):
+            if k == 300:  # by then the caches are filled
+                before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            keeper.slave.instantiate(callbacks=keeper.slave.callbacks)
+            assert keeper.initialize() == OK
+            assert keeper.step(0.0, 0.01) == OK
+            (phi,) = keeper.get("phi")
+            keeper.slave.fmi2FreeInstance(keeper.slave.component)
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, phi
+
+
+def fuzz(path: Path, seed: str, count: str) -> tuple[float, int, int]:
+    """Walk at random over the calls of FMI; return phi of a legal run and the numbers of calls and of errors."""
+    with tempfile.TemporaryDirectory() as folder:
+        walk = Walk(Fmu(path, Path(folder)), Random(int(seed)))
+        for _ in range(int(count)):
+            walk.call()
+        walk.end()
+        with walk.fmu.running() as instance:
+            instance.run([0.01 * k for k in range(1001)])
+            return instance.get("phi")[0], walk.calls, walk.errors
+
+
+class Walk:
+    """A random walk over the calls of FMI, legal and illegal, with legal and illegal arguments.
+
+    Left out is what would make the walk itself the culprit: pointers and states that are not those of the FMU.
+    """
+
+    INSTANCES = 4
+    NUMBERS = (
+        0.0,
+        1e-300,
+        1e-6,
+        0.001,
+        0.01,
+        1.0,
+        1 / 3,
+        100.0,
+        1e6,
+        1e300,
+        1.7e308,
+        -1.0,
+        -1e6,
+        nan,
+        inf,
+        -inf,
+    )
+    REFERENCES = (*range(-1, 16), 2**31 - 1, 2**31, 2**32 - 1)
+
+    def __init__(self, fmu: Fmu, random: Random) -> None:
+        self.fmu, self.random = fmu, random
+        self.instances: list[Instance] = []
+        self.states: list[Any] = []
+        self.calls = self.errors = 0
+        self.actions = {
+            self.new: 1,
+            self.free: 1,
+            self.legal_start: 4,
+            self.set_up: 2,
+            self.order: 3,
+            self.legal_steps: 5,
+            self.any_step: 5,
+            self.set_reals: 6,
+            self.access: 6,
+            self.strings: 1,
+            self.save: 3,
+            self.restore: 3,
+            self.bytes: 2,
+            self.status: 2,
+            self.unsupported: 1,
+            self.logging: 1,
+        }
+
+    def call(self) -> None:
+        """Make one call (or one short legal sequence) and check its status."""
+        if not self.instances:
+            self.new()
+        self.instance = self.random.choice(self.instances)
+        (action,) = self.random.choices(list(self.actions), list(self.actions.values()))
+        status = action()
+        self.calls += 1
+        self.errors += is_error(status)
+        # Pending is for asynchronous slaves, and Discard would end the run in most importers.
+        assert status in (OK, WARNING, ERROR, FATAL), (action.__name__, status)
+        if is_error(status):
+            assert self.instance.log, action.__name__  # never without a reason
+        self.instance.log.clear()
+
+    def end(self) -> None:
+        for state in self.states:
+            self.instances[0].free_state(state)
+        while self.instances:
+            self.instances.pop().free()
+        collect()
+
+    def new(self) -> int:
+        if len(self.instances) < self.INSTANCES:
+            self.instances.append(Instance(self.fmu, "50% of %s"))
+        return OK
+
+    def free(self) -> int:
+        if len(self.instances) > 1:
+            self.instances.remove(self.instance)
+            self.instance.free()
+        return OK
+
+    def legal_start(self) -> int:
+        assert self.instance.reset() == OK
+        start = {
+            "phi_start": self.random.uniform(-4.0, 4.0),
+            "gamma": 10.0 ** self.random.uniform(-3, 9),
+            "solver.method": self.random.randint(1, 4),
+        }
+        return self.instance.initialize(start)
+
+    def legal_steps(self) -> int:
+        """Three steps; on OK the outputs are finite."""
+        status = max(self.instance.step(0.01 * k, 0.01) for k in range(3))
+        if not is_error(status):
+            assert all(map(isfinite, self.instance.get("phi", "w")))
+        return status
+
+    def number(self) -> float:
+        return self.random.choice(self.NUMBERS)
+
+    def set_up(self) -> int:
+        flag = self.random.randint(0, 1)
+        return self.instance.call(
+            "fmi2SetupExperiment", flag, self.number(), self.number(), flag, self.number()
+        )
+
+    def order(self) -> int:
+        calls = ("fmi2EnterInitializationMode", "fmi2ExitInitializationMode", "fmi2Terminate", "fmi2Reset")
+        return self.instance.call(self.random.choice(calls))
+
+    def any_step(self) -> int:
+        duration = self.number()
+        # A step of hours is legal, but would take its time.
+        return self.instance.step(self.number(), duration if not 1.0 < duration < 1e300 else 0.1)
+
+    def set_reals(self) -> int:
+        names = self.random.sample(sorted(self.fmu.reference), 3)
+        references = [self.fmu.reference[name] for name in names]
+        return self.instance.set_references("Real", references[:1], [self.number()])
+
+    def access(self) -> int:
+        kind = self.random.choice(("Real", "Integer", "Boolean"))
+        references = [r % 2**32 for r in self.random.choices(self.REFERENCES, k=self.random.randint(0, 3))]
+        if self.random.random() < 0.5:
+            return self.instance.get_references(kind, references)[0]
+        values = [self.number() if kind == "Real" else self.random.randint(-2, 5) for _ in references]
+        return self.instance.set_references(kind, references, values)
+
+    def strings(self) -> int:
+        access = self.random.choice(("Get", "Set"))
+        reference = (c_uint * 1)(self.random.choice(self.REFERENCES) % 2**32)
+        return self.instance.call(f"fmi2{access}String", reference, 1, (c_char_p * 1)(b"%n"))
+
+    def save(self) -> int:
+        if len(self.states) > 20:
+            self.instance.free_state(self.states.pop(self.random.randrange(20)))
+        self.states.append(self.instance.save())
+        return OK
+
+    def restore(self) -> int:
+        if not self.states:
+            return OK
+        status = self.instance.restore(self.random.choice(self.states))
+        assert status == OK
+        return status
+
+    def bytes(self) -> int:
+        state = self.instance.save()
+        data = bytearray(self.instance.serialize(state))
+        self.instance.free_state(state)
+        damaged = self.random.random() < 0.5
+        if damaged:
+            data[self.random.randrange(len(data))] ^= 1 << self.random.randrange(8)
+        status = self.instance.restore_bytes(bytes(data))
+        assert is_error(status) == damaged
+        return status
+
+    def status(self) -> int:
+        kind = self.random.choice(("", "Real", "Integer", "Boolean"))
+        value = c_double() if kind == "Real" else c_int()
+        status = self.instance.call(f"fmi2Get{kind}Status", self.random.randint(0, 3), byref(value))
+        return OK if status == DISCARD else status  # Discard: "nothing to report", as no step is ever pending
+
+    def unsupported(self) -> int:
+        function, arguments = self.random.choice(
+            (
+                ("fmi2CancelStep", ()),
+                ("fmi2GetDirectionalDerivative", (None, 0, None, 0, None, None)),
+                ("fmi2SetRealInputDerivatives", (None, 0, None, None)),
+                ("fmi2GetRealOutputDerivatives", (None, 0, None, None)),
+            )
+        )
+        status = self.instance.call(function, *arguments)
+        assert is_error(status)
+        return status
+
+    def logging(self) -> int:
+        return self.instance.call("fmi2SetDebugLogging", 1, 0, None)
+
+
+def references(path: Path) -> dict[str, int]:
+    with zipfile.ZipFile(path) as packed:
+        root = ElementTree.fromstring(packed.read("modelDescription.xml"))
+    return {node.attrib["name"]: int(node.attrib["valueReference"]) for node in root.iter("ScalarVariable")}
+
+
+if __name__ == "__main__":
+    _, program, fmu, *arguments = sys.argv
+    print("survived", repr(globals()[program](Path(fmu), *arguments)))

@@ -1,0 +1,105 @@
+"""Many instances: at once, one after the other, in threads, of different builds."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from build_fmu import SOURCES, build
+from tests.driver import OK, Fmu
+from tests.hosts import run_host
+from tests.twin import OUTPUTS, Twin
+
+
+def start_of(i: int) -> dict[str, float]:
+    """Return start values that differ from instance to instance."""
+    return {
+        "phi_start": 0.01 * (i + 1),
+        "L": 1.0 + 0.01 * i,
+        "gamma": 0.1 * (i % 4),
+        "solver.method": 1 + i % 4,
+    }
+
+
+def twin_of(start: dict[str, float]) -> Twin:
+    return Twin(**{name.replace(".", "_"): value for name, value in start.items()})
+
+
+def clock(count: int) -> Sequence[tuple[float, float]]:
+    return [(time, end - time) for time, end in pairwise(0.01 * k for k in range(count + 1))]
+
+
+def test_a_hundred_interleaved_instances_do_not_touch_each_other(fmu: Fmu) -> None:
+    with ExitStack() as stack:
+        pairs = [(stack.enter_context(fmu.running(start_of(i))), twin_of(start_of(i))) for i in range(100)]
+        for k, (time, duration) in enumerate(clock(20)):
+            for i, (instance, twin) in enumerate(pairs):
+                twin.tau = 0.1 * ((i + k) % 3)
+                assert instance.set("tau", twin.tau) == OK
+                assert instance.step(time, duration) == OK
+                twin.step(time, duration)
+        assert [instance.get(*OUTPUTS) for instance, _ in pairs] == [twin.outputs for _, twin in pairs]
+
+
+def test_eight_threads_with_an_instance_each_do_not_touch_each_other(fmu: Fmu) -> None:
+    def run(i: int) -> tuple[float, ...]:
+        with fmu.running(start_of(i)) as instance:
+            for time, duration in clock(300):
+                assert instance.step(time, duration) == OK
+            return instance.get(*OUTPUTS)
+
+    def expected(i: int) -> tuple[float, ...]:
+        twin = twin_of(start_of(i))
+        for time, duration in clock(300):
+            twin.step(time, duration)
+        return twin.outputs
+
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(run, range(8))) == [expected(i) for i in range(8)]
+
+
+@pytest.mark.slow
+def test_three_thousand_instances_in_sequence_need_bounded_memory(fmu_path: Path) -> None:
+    growth, phi = run_host("many_in_sequence", fmu_path, "3000")
+    twin = Twin()
+    twin.step(0.0, 0.01)
+    assert phi == twin.phi
+    # pythonfmu 0.7 keeps a class and an entry of sys.path for every instance: below 8 KiB.
+    assert growth <= 8 * 3000
+
+
+@pytest.fixture(scope="module")
+def wrong_fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
+    """A build whose kernel weighs the stages of the Runge-Kutta method wrongly."""
+    folder = tmp_path_factory.mktemp("wrong")
+    sources = shutil.copytree(SOURCES, folder / "fmu_src", ignore=shutil.ignore_patterns("__pycache__"))
+    solvers = sources / "damped_pendulum" / "solvers.py"
+    text = solvers.read_text("utf-8")
+    assert "sixth = h / 6" in text
+    solvers.write_text(text.replace("sixth = h / 6", "sixth = h / 5"), "utf-8")
+    return Fmu(build(folder / "DampedPendulum.fmu", sources), folder / "extracted")
+
+
+def test_two_builds_in_one_process_keep_to_their_own_code(fmu: Fmu, wrong_fmu: Fmu) -> None:
+    start = {"phi_start": 0.0, "tau": 1.0, "g": 0.0, "gamma": 0.0}
+    rates = []
+    with ExitStack() as stack:
+        for instance in [stack.enter_context(one.running(start)) for one in (fmu, wrong_fmu, fmu, wrong_fmu)]:
+            assert instance.step(0.0, 1e-3) == OK
+            rates += instance.get("w")
+    # From rest with der(w) = 1: the sum of the weights, 1 or 6/5, times the step.
+    assert rates == pytest.approx([1e-3, 1.2e-3, 1e-3, 1.2e-3], rel=1e-12)
+
+
+def test_an_fmu_runs_in_a_folder_with_spaces(fmu_path: Path, tmp_path: Path) -> None:
+    twin = Twin()
+    twin.step(0.0, 0.01)
+    with Fmu(fmu_path, tmp_path / "a folder  with spaces").running() as instance:
+        assert instance.step(0.0, 0.01) == OK
+        assert instance.get(*OUTPUTS) == twin.outputs

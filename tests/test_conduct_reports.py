@@ -1,0 +1,133 @@
+"""The reason of an error reaches the user, and it can be printed with printf."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from ctypes import c_uint
+from io import StringIO
+from math import nan
+from pathlib import Path
+
+import pytest
+from fmpy import simulate_fmu
+from fmpy.fmi1 import FMICallException
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slave import DampedPendulum, FmuError
+from tests.driver import ERROR, FATAL, Fmu, Instance, is_error
+from tests.test_conduct_divergence import declared_categories
+
+FAULTS: dict[str, Callable[[Instance], int]] = {
+    "parameters": lambda i: i.initialize({"m": -1.0, "L": nan}),
+    "order": lambda i: i.call("fmi2ExitInitializationMode"),
+    "experiment": lambda i: i.call("fmi2SetupExperiment", 0, 0.0, nan, 0, 0.0),
+    "output": lambda i: i.set("phi", 1.0),
+    "fixed": lambda i: max(i.initialize(), i.set("m", 1.0)),
+    "reference": lambda i: i.set_references("Real", [99], [1.0]),
+    "type": lambda i: i.get_references("Integer", [0])[0],
+    "string": lambda i: i.call("fmi2GetString", (c_uint * 1)(0), 1, None),
+    "step": lambda i: max(i.initialize(), i.step(0.0, -1.0)),
+    "torque": lambda i: max(i.initialize(), i.set("tau", nan), i.step(0.0, 0.01)),
+    "divergence": lambda i: max(i.initialize({"w_start": 1e308, "solver.stepSize": 10.0}), i.step(0.0, 10.0)),
+    "state": lambda i: i.restore_bytes(b"nothing"),
+}
+each_fault = pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
+
+
+@each_fault
+def test_an_error_is_logged_with_a_declared_category(fmu: Fmu, fault: Callable[[Instance], int]) -> None:
+    with fmu.instance() as instance:
+        assert is_error(fault(instance))
+        told = [entry for entry in instance.log if entry.status == ERROR]
+    assert len(told) == 1
+    assert told[0].category == "logStatusError"
+    assert told[0].category in declared_categories(fmu)
+    assert told[0].text.startswith("pendulum: ")
+    assert "\n" not in told[0].text
+
+
+@each_fault
+@pytest.mark.parametrize("logging", [False, True])
+def test_an_error_is_on_stderr_whether_or_not_there_is_a_log(
+    fmu: Fmu, fault: Callable[[Instance], int], logging: bool, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with fmu.instance(logging=logging) as instance:
+        fault(instance)
+        told = [entry.text for entry in instance.log if entry.status == ERROR]
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("pendulum: ")
+    assert told == (lines if logging else [])
+
+
+class ClosedPipe(StringIO):
+    def write(self, text: str) -> int:
+        raise BrokenPipeError
+
+
+closed = StringIO()
+closed.close()
+
+
+@pytest.mark.parametrize("stderr", [None, closed, ClosedPipe()], ids=["none", "closed", "broken pipe"])
+def test_a_stderr_that_cannot_be_written_does_not_hide_the_reason(
+    stderr: StringIO | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slave = DampedPendulum(instance_name="pendulum")
+    monkeypatch.setattr(sys, "stderr", stderr)
+    with pytest.raises(FmuError, match="pendulum: phi is an output"):
+        slave.set_real([9], [1.0])
+    assert [message.msg for message in slave.log_queue] == ["pendulum: phi is an output: it cannot be set"]
+
+
+@each_fault
+@pytest.mark.parametrize("name", ["100%", "%s%n%d", "%%", "unit \N{GREEK SMALL LETTER PHI} %"])
+def test_no_message_contains_a_percent_sign(fmu: Fmu, fault: Callable[[Instance], int], name: str) -> None:
+    with fmu.instance(name) as instance:
+        fault(instance)
+        assert instance.errors
+        assert not any("%" in entry.text or "%" in entry.category for entry in instance.log)
+
+
+@given(
+    values=st.fixed_dictionaries(
+        {name: st.floats() for name in ("m", "L", "gamma", "g", "phi_start", "w_start")}
+    ),
+    method=st.integers(-(2**31), 2**31 - 1),
+    h=st.floats(),
+    name=st.text("%sdn0 \N{GREEK SMALL LETTER PHI}", min_size=1),
+)
+def test_whatever_the_values_the_message_has_no_percent_sign(
+    fmu: Fmu, values: dict[str, float], method: int, h: float, name: str
+) -> None:
+    with fmu.instance(name) as instance:
+        status = instance.initialize(values | {"solver.method": method, "solver.stepSize": h})
+        if not is_error(status):
+            status = instance.step(0.0, h)
+        assert bool(instance.errors) == is_error(status)
+        assert not any("%" in entry.text for entry in instance.log)
+
+
+def test_fmpy_shows_the_reason_in_its_log_and_on_stderr(
+    fmu_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(FMICallException, match=r"fmi2ExitInitializationMode failed with status [34]"):
+        simulate_fmu(str(fmu_path), start_values={"m": -1.0}, debug_logging=True)
+    captured = capfd.readouterr()
+    assert "[ERROR] DampedPendulum: cannot initialize: m = -1.0 kg (allowed: > 0)" in captured.out
+    assert "DampedPendulum: cannot initialize: m = -1.0 kg (allowed: > 0)" in captured.err
+
+
+def test_a_run_without_errors_reports_nothing(fmu: Fmu, capfd: pytest.CaptureFixture[str]) -> None:
+    with fmu.running() as instance:
+        instance.run([0.01 * k for k in range(11)])
+        assert instance.log == []
+    assert capfd.readouterr() == ("", "")
+
+
+@each_fault
+def test_the_status_of_an_error_is_error_or_fatal(fmu: Fmu, fault: Callable[[Instance], int]) -> None:
+    with fmu.instance() as instance:
+        assert fault(instance) in (ERROR, FATAL)

@@ -1,0 +1,274 @@
+"""The state of an instance is all of it: what follows after restoring it has the same bits."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
+
+from build_fmu import SOURCES, build
+from damped_pendulum.interface import VERSION
+from damped_pendulum.solvers import SolverMethod
+from tests.driver import OK, Fmu, Instance, is_error
+from tests.hosts import run_host
+from tests.twin import OUTPUTS, Twin
+
+Values = list[tuple[float, ...]]
+
+
+def follow(instance: Instance, begin: int = 5) -> Values:
+    """Return the outputs of five steps with a torque that changes."""
+    values = []
+    for k in range(begin, begin + 5):
+        assert instance.set("tau", 0.1 * k) == OK
+        assert instance.step(0.01 * k, 0.01 * (k + 1) - 0.01 * k) == OK
+        values.append(instance.get(*OUTPUTS))
+    return values
+
+
+@pytest.fixture
+def instance(fmu: Fmu, request: pytest.FixtureRequest) -> Iterator[Instance]:
+    """An instance five steps into a run with the method that the test asks for."""
+    start = {"phi_start": 2.0, "w_start": -1.0, "gamma": 0.3, "L": 0.7, "solver.method": request.param}
+    with fmu.running(start) as instance:
+        follow(instance, 0)
+        yield instance
+
+
+methods = pytest.mark.parametrize("instance", SolverMethod, indirect=True, ids=lambda method: method.name)
+
+
+@methods
+def test_a_restored_state_has_the_same_future(instance: Instance) -> None:
+    now = instance.get(*OUTPUTS)
+    state = instance.save()
+    future = follow(instance)
+    for _ in range(3):
+        assert instance.restore(state) == OK
+        assert instance.get(*OUTPUTS, "tau") == (*now, 0.4)
+        assert follow(instance) == future
+    instance.free_state(state)
+
+
+@methods
+def test_a_state_survives_the_instance_as_bytes(fmu: Fmu, instance: Instance) -> None:
+    state = instance.save()
+    data = instance.serialize(state)
+    instance.free_state(state)
+    future = follow(instance)
+    with fmu.instance("other") as other:
+        assert other.restore_bytes(data) == OK
+        assert other.get("tau", "L") == (0.4, 0.7)
+        assert follow(other) == future
+
+
+@methods
+def test_a_state_is_restored_in_another_process(fmu_path: Path, instance: Instance) -> None:
+    state = instance.save()
+    data = instance.serialize(state)
+    instance.free_state(state)
+    assert run_host("restored_future", fmu_path, data.hex()) == follow(instance)
+
+
+def test_a_restored_state_replaces_everything_in_an_instance_that_ran_otherwise(fmu: Fmu) -> None:
+    with fmu.running({"m": 2.0, "tau": 0.3}) as one, fmu.running({"L": 3.0, "solver.method": 4}) as two:
+        for running in (one, two):
+            assert running.step(0.0, 0.01) == OK
+        state = one.save()
+        assert two.restore(state) == OK
+        assert two.get("m", "L", "solver.method", *OUTPUTS) == one.get("m", "L", "solver.method", *OUTPUTS)
+        assert follow(two) == follow(one)
+        one.free_state(state)
+
+
+def test_mode_and_stop_time_belong_to_the_state(fmu: Fmu) -> None:
+    with fmu.instance() as instance:
+        before = instance.save()
+        assert instance.initialize({"m": 2.0}, stop=1.0) == OK
+        running = instance.save()
+        assert instance.call("fmi2Terminate") == OK
+        ended = instance.save()
+        assert instance.restore(running) == OK
+        assert instance.step(0.0, 0.01) == OK
+        assert is_error(instance.step(0.01, 1.0))
+        assert instance.restore(before) == OK
+        assert instance.get("m") == (1.0,)
+        assert is_error(instance.step(0.01, 0.01))
+        assert instance.initialize({"m": 3.0}) == OK
+        assert instance.step(0.01, 100.0) == OK
+        assert instance.restore(ended) == OK
+        assert is_error(instance.step(0.01, 0.01))
+        for state in (before, running, ended):
+            instance.free_state(state)
+
+
+def test_reset_forgets_the_run(fmu: Fmu) -> None:
+    with fmu.running({"m": 2.0, "tau": 1.0, "solver.method": 4}) as instance:
+        follow(instance)
+        assert instance.reset() == OK
+        assert instance.get("m", "tau", "solver.method", "solver.nfev") == (1.0, 0.0, 3, 0)
+        assert instance.initialize() == OK
+        twin = Twin()
+        twin.step(0.0, 0.01)
+        assert instance.step(0.0, 0.01) == OK
+        assert instance.get(*OUTPUTS) == twin.outputs
+
+
+@pytest.fixture(scope="module")
+def data(fmu: Fmu) -> bytes:
+    with fmu.running() as instance:
+        state = instance.save()
+        data = instance.serialize(state)
+        instance.free_state(state)
+    return data
+
+
+def refused(fmu: Fmu, data: bytes, reason: str) -> bool:
+    """Return whether an instance refuses `data` for `reason` and goes on with the state it had."""
+    twin = Twin(tau=0.5)
+    with fmu.running({"tau": 0.5}) as instance:
+        status = instance.restore_bytes(data)
+        told = bool(instance.errors) and f"cannot restore the state: {reason}" in instance.errors[0]
+        twin.step(0.0, 0.01)
+        assert instance.step(0.0, 0.01) == OK
+        return is_error(status) and told and instance.get(*OUTPUTS) == twin.outputs
+
+
+DAMAGED = "the bytes are damaged"
+
+
+def test_a_state_with_a_damaged_byte_is_refused(fmu: Fmu, data: bytes) -> None:
+    for i in range(0, len(data), 7):
+        assert refused(fmu, data[:i] + bytes([data[i] ^ 1]) + data[i + 1 :], DAMAGED)
+
+
+def test_a_state_that_was_cut_off_is_refused(fmu: Fmu, data: bytes) -> None:
+    for length in (0, 1, 7, 8, 9, len(data) // 2, len(data) - 1):
+        assert refused(fmu, data[:length], DAMAGED)
+    assert refused(fmu, data + b"}", DAMAGED)
+
+
+@given(st.binary(max_size=300) | st.just(b"00000000") | st.just(b"00000000{}"))
+@settings(max_examples=50)
+def test_bytes_that_are_no_state_are_refused(fmu: Fmu, noise: bytes) -> None:
+    assert refused(fmu, noise, DAMAGED)
+
+
+@pytest.fixture(scope="module")
+def later_fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
+    """The FMU of another version."""
+    folder = tmp_path_factory.mktemp("later")
+    sources = shutil.copytree(SOURCES, folder / "fmu_src", ignore=shutil.ignore_patterns("__pycache__"))
+    interface = sources / "damped_pendulum" / "interface.py"
+    text = interface.read_text("utf-8")
+    interface.write_text(text.replace(f'VERSION = "{VERSION}"', 'VERSION = "99.0.0"'), "utf-8")
+    return Fmu(build(folder / "DampedPendulum.fmu", sources), folder / "extracted")
+
+
+def test_a_state_of_another_version_is_refused_in_both_directions(
+    fmu: Fmu, later_fmu: Fmu, data: bytes
+) -> None:
+    with later_fmu.running() as instance:
+        state = instance.save()
+        later = instance.serialize(state)
+        instance.free_state(state)
+    assert refused(fmu, later, f"it is of 'DampedPendulum 99.0.0', this is 'DampedPendulum {VERSION}'")
+    assert refused(later_fmu, data, f"it is of 'DampedPendulum {VERSION}', this is 'DampedPendulum 99.0.0'")
+
+
+torques = st.just(0.0) | st.floats(-20.0, 20.0)
+durations = st.sampled_from((1e-3, 0.01, 1 / 60, 1 / 3)) | st.floats(1e-9, 0.1)
+
+
+class Rollback(RuleBasedStateMachine):
+    """Random sequences of calls, against the twin bit for bit."""
+
+    saved = Bundle("saved")
+
+    def __init__(self, fmu: Fmu) -> None:
+        super().__init__()
+        self.instance = Instance(fmu)
+        self.states: list[object] = []
+
+    @initialize(
+        method=st.sampled_from(SolverMethod),
+        phi=st.floats(-10.0, 10.0),
+        w=st.floats(-10.0, 10.0),
+        gamma=st.just(0.0) | st.floats(0.0, 5.0),
+        h=st.floats(1e-3, 0.05),
+        time=st.sampled_from((0.0, -3.0, 1e6)),
+    )
+    def start(self, method: SolverMethod, phi: float, w: float, gamma: float, h: float, time: float) -> None:
+        self.values = {
+            "phi_start": phi,
+            "w_start": w,
+            "gamma": gamma,
+            "solver.method": method,
+            "solver.stepSize": h,
+        }
+        self.begin = time
+        self.begin_run()
+
+    def begin_run(self) -> None:
+        self.time = self.begin
+        assert not is_error(self.instance.initialize(self.values, time=self.begin))
+        self.twin = Twin(**{name.replace(".", "_"): value for name, value in self.values.items()})
+        self.compare()
+
+    def compare(self) -> None:
+        assert self.instance.get(*OUTPUTS, "tau") == (*self.twin.outputs, self.twin.tau)
+
+    @rule(tau=torques)
+    def set_torque(self, tau: float) -> None:
+        assert self.instance.set("tau", tau) == OK
+        self.twin.tau = tau
+        self.compare()
+
+    @rule(duration=durations)
+    def step(self, duration: float) -> None:
+        assert self.instance.step(self.time, duration) == OK
+        self.twin.step(self.time, duration)
+        self.time += duration
+        self.compare()
+
+    @rule(target=saved)
+    def save(self) -> tuple[object, Twin, float]:
+        state = self.instance.save()
+        self.states.append(state)
+        return state, self.twin.save(), self.time
+
+    @rule(target=saved)
+    def save_as_bytes(self) -> tuple[object, Twin, float]:
+        state = self.instance.save()
+        data = self.instance.serialize(state)
+        self.instance.free_state(state)
+        return data, self.twin.save(), self.time
+
+    @rule(one=saved)
+    def restore(self, one: tuple[object, Twin, float]) -> None:
+        state, twin, self.time = one
+        status = (self.instance.restore_bytes if isinstance(state, bytes) else self.instance.restore)(state)
+        assert status == OK
+        self.twin = twin.save()
+        self.compare()
+
+    @rule()
+    def reset(self) -> None:
+        assert self.instance.reset() == OK
+        self.begin_run()
+
+    def teardown(self) -> None:
+        for state in self.states:
+            self.instance.free_state(state)
+        self.instance.free()
+
+
+def test_random_sequences_of_steps_and_rollbacks_equal_the_twin(fmu: Fmu) -> None:
+    run_state_machine_as_test(
+        lambda: Rollback(fmu), settings=settings(max_examples=100, stateful_step_count=30)
+    )

@@ -1,0 +1,43 @@
+"""The pendulum in plain Python: what the FMU must return, bit for bit."""
+
+from __future__ import annotations
+
+from copy import copy
+
+from damped_pendulum.interface import DEFAULTS
+from damped_pendulum.model import Pendulum
+from damped_pendulum.solvers import METHODS, SolverMethod, substeps, unique_root_limit
+
+
+class Twin:
+    """The kernel without the FMI shell."""
+
+    def __init__(self, **start: float) -> None:
+        values = DEFAULTS | {name.replace("solver_", "solver."): value for name, value in start.items()}
+        self.pendulum = Pendulum(*(values[name] for name in ("m", "L", "gamma", "g")))
+        self.phi, self.w, self.nfev = values["phi_start"], values["w_start"], 0
+        self.tau = values["tau"]
+        method = SolverMethod(values["solver.method"])
+        motion = self.pendulum.motion()
+        self.solve = METHODS[method].solver
+        self.max_step = min(
+            values["solver.stepSize"], unique_root_limit(method, motion.damping_rate, motion.w02)
+        )
+
+    def step(self, time: float, duration: float) -> None:
+        n = substeps(time, duration, self.max_step)
+        motion = self.pendulum.motion(self.tau)
+        self.phi, self.w, nfev = self.solve(motion, self.phi, self.w, duration / n, n)
+        self.nfev += nfev
+
+    def save(self) -> Twin:
+        return copy(self)
+
+    @property
+    def outputs(self) -> tuple[float, ...]:
+        """phi, w, a, E, solver.nfev."""
+        a = self.pendulum.motion(self.tau).acceleration()(self.phi, self.w)
+        return self.phi, self.w, a, self.pendulum.energy(self.phi, self.w), self.nfev
+
+
+OUTPUTS = ("phi", "w", "a", "E", "solver.nfev")
