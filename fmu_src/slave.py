@@ -15,7 +15,13 @@ from xml.etree.ElementTree import Element
 from pythonfmu import Boolean, DefaultExperiment, Fmi2Slave, Integer, Real, String
 from pythonfmu.enums import Fmi2Status
 
-from damped_pendulum.fmi2 import complete, describe, keep_alive, scalar_variable
+from damped_pendulum.fmi2 import (
+    complete,
+    describe,
+    finalize_wrapper_at_exit,
+    keep_alive,
+    scalar_variable,
+)
 from damped_pendulum.inline import inlined
 from damped_pendulum.interface import (
     AUTHOR,
@@ -61,6 +67,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
+        finalize_wrapper_at_exit(self.resources or "")
         self._phi: float
         self._w: float
         self._pendulum: Pendulum

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from tests.driver import Fmu
 from tests.hosts import needs, run_host
 from tests.twin import Twin
 
@@ -38,3 +43,35 @@ def test_fmpy_survives_control_c_in_a_long_step(fmu_path: Path) -> None:
 def test_other_importers_survive_errors(fmu_path: Path, program: str) -> None:
     # Their communication points differ from 0.01*k in the last bits.
     assert run_host(program, fmu_path) == pytest.approx(default_angle(), abs=1e-12)
+
+
+INSTANTIATE_AND_FREE = """
+import ctypes, sys
+folder = sys.argv[1]
+library = ctypes.CDLL(f"{folder}/binaries/linux64/DampedPendulum.so")
+libc = ctypes.CDLL(None)
+address = lambda function: ctypes.cast(function, ctypes.c_void_p).value
+callbacks = (ctypes.c_void_p * 5)(None, address(libc.calloc), address(libc.free), None, None)
+library.fmi2Instantiate.restype = ctypes.c_void_p
+uri = f"file://{folder}/resources".encode()
+component = library.fmi2Instantiate(b"pendulum", 1, b"", uri, callbacks, 0, 0)
+assert component
+library.fmi2FreeInstance(ctypes.c_void_p(component))
+print("freed")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    shutil.which("valgrind") is None, reason="needs valgrind, which sees memory used after it is freed"
+)
+def test_the_wrapper_lets_go_of_its_state_before_the_process_ends(fmu: Fmu) -> None:
+    done = subprocess.run(
+        ["valgrind", "-q", "--error-limit=no", sys.executable, "-S", "-c", INSTANTIATE_AND_FREE, fmu.folder],
+        env=os.environ | {"PYTHONMALLOC": "malloc"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "freed\n"
+    assert "finalizePythonInterpreter" not in done.stderr

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import atexit
 import ctypes
+import os
+import sys
+from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
 from pythonfmu import Fmi2Causality, Fmi2Initial, Fmi2Variability, Integer, Real
 
 from .interface import (
+    MODEL_NAME,
     RELEASED,
     SOLVER_METHODS,
     TYPES,
@@ -152,3 +157,24 @@ def keep_alive(*objects: object) -> None:
     """Add a reference to each object for the one that pythonfmu 0.7 releases too often after an exception."""
     for item in objects:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
+
+
+def finalize_wrapper_at_exit(resources: str) -> None:
+    """Let the library beside `resources` release its global state before the process ends.
+
+    On Linux pythonfmu 0.7 does so in a destructor that runs after those of C++ have freed that state, which now and
+    then aborts the process at its very end. Released early, there is nothing left to free twice.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    library = Path(resources).parent / "binaries" / "linux64" / f"{MODEL_NAME}.so"
+    try:
+        wrapper = ctypes.CDLL(str(library), mode=os.RTLD_NOLOAD | os.RTLD_NOW)
+    except OSError:  # used without the wrapper
+        return
+    if wrapper._handle not in _FINALIZED:
+        _FINALIZED.add(wrapper._handle)
+        atexit.register(wrapper.finalizePythonInterpreter)
+
+
+_FINALIZED: set[int] = set()
