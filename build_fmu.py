@@ -1,8 +1,8 @@
-"""Build dist/DampedPendulum.fmu (with --native dist/DampedPendulumNative.fmu) from fmu_src, the same bytes each time.
+"""Build dist/DampedPendulum.fmu, or dist/DampedPendulumNative.fmu, from fmu_src: the same sources, the same bytes.
 
-pythonfmu packs the Python sources, a C compiler makes the native binaries; this program adds what belongs into a FMU
-(documentation, licences, icon, a GUID derived from the contents), packs it reproducibly and refuses to leave a FMU that
-FMPy's validation complains about.
+pythonfmu packs the Python sources, a C compiler makes the binaries of the native FMU. This program adds what belongs
+into a FMU (documentation, licences, icon, a GUID derived from the contents), packs it reproducibly and refuses to leave
+a FMU that FMPy's validation complains about.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import tempfile
 import uuid
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from math import hypot, inf
@@ -77,8 +77,10 @@ def build(output: Path = DEFAULT_OUTPUT, sources: Path = SOURCES) -> Path:
     return write_fmu(output, entries)
 
 
-def build_native(output: Path = NATIVE_OUTPUT) -> Path:
-    """Build the FMU without Python from the C sources and return its path.
+def build_native(
+    output: Path = NATIVE_OUTPUT, binaries: Callable[[str], dict[str, bytes]] = native.binaries
+) -> Path:
+    """Build the FMU without Python from the C sources and return its path; `binaries` compiles for a GUID.
 
     Raises
     ------
@@ -88,14 +90,11 @@ def build_native(output: Path = NATIVE_OUTPUT) -> Path:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_documentation(folder / "documentation", "native")
-        entries = {
-            path.relative_to(folder).as_posix(): path.read_bytes()
-            for path in folder.rglob("*")
-            if path.is_file()
-        }
+        files = [path for path in folder.rglob("*") if path.is_file()]
+        entries = {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
     entries |= {"model.png": icon(), DESCRIPTION: native_description()} | in_sources(native.sources(guid=""))
     guid = derive_guid(entries)
-    entries |= in_sources(native.sources(guid)) | native.binaries(guid)
+    entries |= in_sources(native.sources(guid)) | binaries(guid)
     return write_fmu(output, entries)
 
 
@@ -113,8 +112,7 @@ def native_description() -> bytes:
     }
     root = complete(Fmi2Slave.to_xml(slave), states=True)
     root.set("generationTool", f"{Path(__file__).name} {interface.VERSION}")
-    co_simulation = root.find("CoSimulation")
-    assert co_simulation is not None
+    co_simulation = next(root.iter("CoSimulation"))
     co_simulation.attrib |= {
         "needsExecutionTool": "false",
         "canInterpolateInputs": "true",
@@ -127,7 +125,8 @@ def native_description() -> bytes:
     for name in native.SOURCES:
         ElementTree.SubElement(files, "File", name=name)
     ElementTree.indent(root, "\t")
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
+    text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text
 
 
 def write_fmu(output: Path, entries: dict[str, bytes]) -> Path:

@@ -11,7 +11,6 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
@@ -20,6 +19,7 @@ from typing import NamedTuple
 import fmpy
 
 from damped_pendulum import interface
+from damped_pendulum.fmi2 import TYPE_OF
 from damped_pendulum.solvers import MAX_SUBSTEPS, METHODS, SolverMethod
 
 FOLDER = Path(__file__).resolve().parent
@@ -72,19 +72,11 @@ def sources(guid: str) -> dict[str, bytes]:
 
 def header(guid: str) -> str:
     """Return interface.h: interface.h.in with the interface tables filled in."""
-    variables = [
-        f'    {{"{variable.name}", "{interface.unit_of(variable)}", "{allowed.text if allowed else ""}", '
-        f"{'INTEGER' if variable.type in ('SolverMethod', 'Integer') else 'REAL'}, {variable.causality.upper()}, "
-        + ", ".join(map(_c_double, (variable.start or 0.0, *(allowed[1:3] if allowed else (0.0, 0.0)))))
-        + "},"
-        for variable in interface.VARIABLES
-        for allowed in (variable.range,)
-    ]
-    marks: Mapping[str, str | Iterable[str]] = {
+    marks = {
         "GUID": guid,
         "STATE_FORMAT": f"{MODEL_NAME} {interface.VERSION}",
         "REFERENCES": ", ".join(f"VR_{variable.name.replace('.', '_')}" for variable in interface.VARIABLES),
-        "VARIABLES": "\n".join(variables),
+        "VARIABLES": "\n".join(map(_row, interface.VARIABLES)),
         "METHODS": ", ".join(f"{method.name} = {method.value}" for method in SolverMethod),
         "METHOD_ROWS": "\n".join(
             f'    [{method.name}] = {{"{method.name}", {_c_double(METHODS[method].real_limit)}}},'
@@ -95,8 +87,16 @@ def header(guid: str) -> str:
     }
     text = (FOLDER / "interface.h.in").read_text("utf-8")
     for mark, content in marks.items():
-        text = text.replace(f"@{mark}@", str(content))
+        text = text.replace(f"@{mark}@", content)
     return text
+
+
+def _row(variable: interface.Variable) -> str:
+    kind = "REAL" if variable.type in TYPE_OF else "INTEGER"
+    allowed = variable.range or interface.Range("", 0.0, 0.0)
+    strings = ", ".join(f'"{text}"' for text in (variable.name, interface.unit_of(variable), allowed.text))
+    numbers = ", ".join(map(_c_double, (variable.start or 0.0, allowed.lowest, allowed.highest)))
+    return f"    {{{strings}, {kind}, {variable.causality.upper()}, {numbers}}},"
 
 
 def _c_double(value: float) -> str:
@@ -111,46 +111,44 @@ def binaries(guid: str) -> dict[str, bytes]:
     CompilerError : there is no C compiler
     CompilationError : the compiler refuses the sources
     """
+    if find_spec("ziglang") is None:
+        return host_binary(guid)
+    zig = [sys.executable, "-m", "ziglang", "cc", "-target"]
+    return {
+        _place(target.platform, target.suffix): joined(
+            [library([*zig, triple], guid, target.suffix) for triple in target.triples]
+        )
+        for target in TARGETS
+    }
+
+
+def host_binary(guid: str) -> dict[str, bytes]:
+    """Return the shared library that the C compiler of this machine makes for it, by its name in the FMU."""
+    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    if compiler is None:
+        raise CompilerError("no C compiler: install the package ziglang, or cc, gcc or clang")
+    suffix: str = fmpy.sharedLibraryExtension
+    return {_place(fmpy.platform, suffix): library([compiler], guid, suffix)}
+
+
+def _place(platform: str, suffix: str) -> str:
+    return f"binaries/{platform}/{MODEL_NAME}{suffix}"
+
+
+def library(compiler: list[str], guid: str, suffix: str) -> bytes:
+    """Return the shared library that `compiler` makes."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, content in sources(guid).items():
             (folder / file).write_bytes(content)
-        if find_spec("ziglang") is not None:
-            zig = [sys.executable, "-m", "ziglang", "cc", "-target"]
-            return {
-                f"binaries/{target.platform}/{MODEL_NAME}{target.suffix}": joined(
-                    [library([*zig, triple], folder, target.suffix) for triple in target.triples]
-                )
-                for target in TARGETS
-            }
-        compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
-        if compiler is None:
-            raise CompilerError("no C compiler: install the package ziglang, or cc, gcc or clang")
-        return {
-            f"binaries/{fmpy.platform}/{MODEL_NAME}{fmpy.sharedLibraryExtension}": library([compiler], folder)
-        }
-
-
-def library(compiler: list[str], folder: Path, suffix: str = fmpy.sharedLibraryExtension) -> bytes:
-    """Return the shared library that `compiler` makes of the sources in `folder`."""
-    output = folder / f"{MODEL_NAME}{suffix}"
-    hidden = [] if suffix == ".dll" else ["-fPIC", "-fvisibility=hidden"]
-    command = [
-        *compiler,
-        *FLAGS,
-        *hidden,
-        "-s",
-        "-shared",
-        f"-I{FMI_HEADERS}",
-        *SOURCES,
-        "-o",
-        output.name,
-        "-lm",
-    ]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise CompilationError(f"{' '.join(command)}:\n{done.stderr}")
-    return output.read_bytes()
+        output = folder / f"{MODEL_NAME}{suffix}"
+        hidden = [] if suffix == ".dll" else ["-fPIC", "-fvisibility=hidden"]
+        options = [*FLAGS, *hidden, "-s", "-shared", f"-I{FMI_HEADERS}", "-o", output.name]
+        command = [*compiler, *options, *SOURCES, "-lm"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise CompilationError(f"{' '.join(command)}:\n{done.stderr}")
+        return output.read_bytes()
 
 
 def joined(images: list[bytes]) -> bytes:
