@@ -51,7 +51,7 @@ static double random_real(void) {
     return 20.0 * (double)below(1u << 30) / (1u << 30) - 5.0;
 }
 
-/* A communication step [s]: short, so that it does not take minutes, or refused for its number of substeps or its value. */
+/* A communication step [s]: short, so that it does not take minutes, or refused. */
 static double random_step(void) {
     static const double special[] = {0.0, -1.0, 5e-324, 1e300, NAN, INFINITY};
     return below(4) ? 0.02 * (1 + below(4)) : special[below(6)];
@@ -151,7 +151,8 @@ static fmi2Status call(fmi2Component c, unsigned function) {
     case 13: return fmi2SetString(c, or_null(vr), n, or_null(strings));
     case 14: return fmi2SetRealInputDerivatives(c, or_null(vr), n, or_null(orders), or_null(reals));
     case 15: return fmi2GetRealOutputDerivatives(c, or_null(known), n, or_null(orders), or_null(reals));
-    case 16: return fmi2GetDirectionalDerivative(c, or_null(known), n, or_null(known), n, or_null(reals), or_null(more));
+    case 16:
+        return fmi2GetDirectionalDerivative(c, or_null(vr), n, or_null(known), n, or_null(reals), or_null(more));
     case 17: return fmi2GetFMUstate(c, or_null(state));
     case 18: return fmi2SetFMUstate(c, *state);
     case 19: return fmi2FreeFMUstate(c, or_null(state));

@@ -438,8 +438,8 @@ static fmi2Status do_step(Instance *self, double time, double step) {
     if (state->mode != STEPPING)
         return fail(self, "no step in mode %s: initialize the instance first", MODE_NAMES[state->mode]);
     if (!(0.0 < step && step < INFINITY))
-        return fail(self, "no step from t = %s s: communicationStepSize = %s s (allowed: > 0 and finite)", repr(time).text,
-                    repr(step).text);
+        return fail(self, "no step from t = %s s: communicationStepSize = %s s (allowed: > 0 and finite)",
+                    repr(time).text, repr(step).text);
     if (!(isfinite(end) && end <= state->latest_end))
         return fail(self, "no step from t = %s s over %s s: it must end at a finite time, not beyond the stop time "
                     "(latest end %s s)", repr(time).text, repr(step).text, repr(state->latest_end).text);
