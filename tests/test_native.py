@@ -4,9 +4,11 @@ import ctypes
 import os
 import re
 import shutil
+import struct
 import subprocess
 import sys
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
@@ -557,6 +559,27 @@ def test_a_damaged_state_is_refused(instance: FMU2Instance) -> None:
         assert f"{len(wrong)} bytes instead of {len(data)}" in instance.refusal(
             lambda wrong=wrong: instance.deSerializeFMUstate(wrong)
         )
+
+
+@pytest.mark.parametrize(
+    ("at", "patch", "words"),
+    [
+        (4, b"DampedPendulumNative 0.0.0\0", "it is not of DampedPendulumNative"),
+        (-4, struct.pack("=i", 9), "no instance can be in it"),  # the mode
+        (-8, struct.pack("=i", -1), "no instance can be in it"),  # the evaluations
+        (64 + 8 * VR["m"], struct.pack("=d", -1.0), "no instance can be in it"),
+        (64 + 8 * VR["solver.method"], struct.pack("=d", nan), "no instance can be in it"),
+    ],
+)
+def test_a_state_with_the_right_checksum_is_refused_too(
+    instance: FMU2Instance, at: int, patch: bytes, words: str
+) -> None:
+    initialized(instance)
+    forged = bytearray(instance.serializeFMUstate(instance.getFMUstate()))
+    start = at % len(forged)
+    forged[start : start + len(patch)] = patch
+    forged[:4] = struct.pack("=I", zlib.crc32(forged[4:]))
+    assert words in instance.refusal(lambda: instance.deSerializeFMUstate(bytes(forged)))
 
 
 def test_eight_threads_compute_what_one_computes(folder: Path, description: Any) -> None:
