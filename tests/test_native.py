@@ -643,6 +643,34 @@ def test_with_input_derivatives_a_driven_run_has_the_order_of_the_method(
     assert log2(coarse / fine) == pytest.approx(METHODS[method].order, abs=0.25)
 
 
+@pytest.mark.parametrize(
+    ("method", "nodes"),
+    [
+        (1, {0.0: 1.0}),  # weights of the quadrature over a substep, by place in it
+        (2, {0.5: 1.0}),
+        (3, {0.0: 1 / 6, 0.5: 4 / 6, 1.0: 1 / 6}),
+        (4, {1.0: 1.0}),
+    ],
+)
+def test_a_free_mass_shows_at_which_times_a_method_takes_the_torque(
+    instance: FMU2Instance, method: int, nodes: dict[float, float]
+) -> None:
+    """Without gravity and damping J*w is the sum of the torques at the nodes of the substeps."""
+    n, h = 4, 0.25
+    instance.start(
+        {"m": 2.0, "gamma": 0.0, "g": 0.0, "solver.method": method, "solver.stepSize": h, "tau": 1.0}
+    )
+    instance.input_derivatives({1: 2.0, 2: -6.0, 3: 24.0})
+    instance.doStep(0.0, n * h)
+    torques = [
+        weight * (1 + 2 * t - 3 * t**2 + 4 * t**3)
+        for i in range(n)
+        for place, weight in nodes.items()
+        for t in ((i + place) * h,)
+    ]
+    assert instance.get("w")[0] == pytest.approx(h * sum(torques) / 2.0, rel=1e-15 * len(torques))
+
+
 def test_without_input_derivatives_the_torque_is_held(
     instance: FMU2Instance, torque: Callable[[float], list[float]]
 ) -> None:
