@@ -186,6 +186,10 @@ def kernel_step(
     ),
     duration=st.floats(1e-3, 0.05),
 )
+@example(  # 3 substeps that are as long as they may be
+    *(1.0, 1.0, 0.0, 9.80665, 0.5, 0.0, SolverMethod.ImplicitEuler, 1.0, [0.0]),
+    3 * unique_root_limit(SolverMethod.ImplicitEuler, 0.0, 9.80665),
+)
 @example(1, 1, 1e4, 9.8, 0.5, 0.0, SolverMethod.ExplicitEuler, 0.05, [0.0] * 4, 1.0)  # diverges
 def test_every_method_gives_the_bits_of_the_python_kernel(
     shared: FMU2Instance,
@@ -906,6 +910,31 @@ def test_the_sources_compile_without_a_warning(folder: Path, compiler: str) -> N
         command = [compiler, f"-std={standard}", "-O2", *options, f"-I{native.FMI_HEADERS}", *native.SOURCES]
         done = subprocess.run(command, cwd=folder / "sources", capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
+
+
+def test_without_a_compiler_there_is_one_line_and_status_2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(native, "find_spec", lambda name: None)
+    monkeypatch.setattr(native.shutil, "which", lambda name: None)
+    with pytest.raises(SystemExit) as raised:
+        build_fmu.main(["--native", "--output", str(tmp_path / "x.fmu")])
+    assert raised.value.code == 2
+    assert capsys.readouterr().err == (
+        "build_fmu.py: --native: no C compiler: install the package ziglang, or cc, gcc or clang\n"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@needs_compiler
+def test_what_the_compiler_refuses_is_printed_and_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(native, "find_spec", lambda name: None)
+    monkeypatch.setattr(native, "FLAGS", (*native.FLAGS, "-DVARIABLE_COUNT="))
+    assert build_fmu.main(["--native", "--output", str(tmp_path / "x.fmu")]) == 1
+    assert "VARIABLE_COUNT" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_c_code_is_short() -> None:
