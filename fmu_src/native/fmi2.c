@@ -5,7 +5,6 @@
 
 #include "fmi2Functions.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdbool.h>
