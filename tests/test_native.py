@@ -867,6 +867,30 @@ def test_the_library_exports_the_functions_of_fmi_alone(folder: Path) -> None:
     assert not [name for name in needed if "Py" in name]
 
 
+@needs_compiler
+@on_linux
+def test_no_global_can_change(folder: Path, tmp_path: Path) -> None:
+    """Instances in several threads share constants alone."""
+    if shutil.which("nm") is None:
+        pytest.skip("nm is not installed")
+    for source in native.SOURCES:
+        output = tmp_path / "object.o"
+        command = [
+            COMPILER,
+            "-std=c11",
+            "-O0",
+            "-fno-pic",
+            f"-I{native.FMI_HEADERS}",
+            "-c",
+            source,
+            "-o",
+            output,
+        ]
+        subprocess.run(command, cwd=folder / "sources", check=True)
+        listed = subprocess.run(["nm", output], capture_output=True, text=True, check=True).stdout
+        assert not re.findall(r"^\S* [bBcCdDgGsS] .*$", listed, re.MULTILINE)
+
+
 def symbols(library: Path) -> tuple[set[str], set[str]]:
     """Return the names that a library defines, and those that it needs, with their versions."""
     lines = subprocess.run(
