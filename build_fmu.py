@@ -1,7 +1,8 @@
-"""Build dist/DampedPendulum.fmu from fmu_src: the same sources give the same bytes.
+"""Build dist/DampedPendulum.fmu, or dist/DampedPendulumNative.fmu, from fmu_src: the same sources, the same bytes.
 
-pythonfmu packs the sources; this program then repacks them reproducibly, adds what belongs into a FMU (documentation,
-licences, icon, a GUID derived from the contents) and refuses to leave a FMU that FMPy's validation complains about.
+pythonfmu packs the Python sources, a C compiler makes the binaries of the native FMU. This program adds what belongs
+into a FMU (documentation, licences, icon, a GUID derived from the contents), packs it reproducibly and refuses to leave
+a FMU that FMPy's validation complains about.
 """
 
 from __future__ import annotations
@@ -17,14 +18,16 @@ import tempfile
 import uuid
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from math import hypot, inf
 from pathlib import Path
 from typing import NoReturn
+from xml.etree import ElementTree
 
 from fmpy.validation import validate_fmu
+from pythonfmu import Fmi2Slave
 from pythonfmu.builder import FmuBuilder
 
 ROOT = Path(__file__).resolve().parent
@@ -32,10 +35,15 @@ SOURCES = ROOT / "fmu_src"
 sys.path.insert(0, str(SOURCES))
 
 from damped_pendulum import interface  # noqa: E402  # found through the line above
+from damped_pendulum.fmi2 import complete  # noqa: E402
 from damped_pendulum.solvers import METHODS, SolverMethod, stability_limit  # noqa: E402
+from native import build as native  # noqa: E402
+from slave import DampedPendulum  # noqa: E402
 
 PACKAGE = "damped_pendulum"
 DEFAULT_OUTPUT = ROOT / "dist" / f"{interface.MODEL_NAME}.fmu"
+NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
+DESCRIPTION = "modelDescription.xml"
 SCRIPT = """\
 from {package} import slave
 from {package}.fmi2 import keep_alive
@@ -63,7 +71,7 @@ def build(output: Path = DEFAULT_OUTPUT, sources: Path = SOURCES) -> Path:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         script = stage(sources, folder / "resources")
-        write_documentation(folder / "documentation")
+        write_documentation(folder / "documentation", "pythonfmu")
         packed = folder / output.name
         with restored_imports():
             FmuBuilder.build_FMU(
@@ -75,7 +83,66 @@ def build(output: Path = DEFAULT_OUTPUT, sources: Path = SOURCES) -> Path:
                 canSerializeFMUstate=True,
             )
         entries = read_entries(packed) | {"model.png": icon()}
-        with_guid(entries)
+    derive_guid(entries)
+    return write_fmu(output, entries)
+
+
+def build_native(
+    output: Path = NATIVE_OUTPUT, binaries: Callable[[str], dict[str, bytes]] = native.binaries
+) -> Path:
+    """Build the FMU without Python from the C sources and return its path; `binaries` compiles for a GUID.
+
+    Raises
+    ------
+    BuildError : the result does not pass the validation; nothing is left at `output`
+    native.CompilerError : there is no C compiler
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_documentation(folder / "documentation", "native")
+        files = [path for path in folder.rglob("*") if path.is_file()]
+        entries = {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+    entries |= {"model.png": icon(), DESCRIPTION: native_description()} | in_sources(native.sources(guid=""))
+    guid = derive_guid(entries)
+    entries |= in_sources(native.sources(guid)) | binaries(guid)
+    return write_fmu(output, entries)
+
+
+def in_sources(files: dict[str, bytes]) -> dict[str, bytes]:
+    """Return `files` under their names in a FMU."""
+    return {f"sources/{name}": content for name, content in files.items()}
+
+
+def native_description() -> bytes:
+    """Return modelDescription.xml of the native FMU: that of the slave, with what the native binary can do."""
+    slave = DampedPendulum(instance_name=native.MODEL_NAME)
+    slave.modelName = native.MODEL_NAME
+    slave.log_categories = {
+        category: slave.log_categories[category] for category in ("logStatusError", "logStatusWarning")
+    }
+    root = complete(Fmi2Slave.to_xml(slave), states=True)
+    root.set("generationTool", f"{Path(__file__).name} {interface.VERSION}")
+    co_simulation = next(root.iter("CoSimulation"))
+    co_simulation.attrib |= {
+        "needsExecutionTool": "false",
+        "canInterpolateInputs": "true",
+        "maxOutputDerivativeOrder": str(native.MAX_OUTPUT_ORDER),
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": "true",
+        "providesDirectionalDerivative": "true",
+    }
+    files = ElementTree.SubElement(co_simulation, "SourceFiles")
+    for name in native.SOURCES:
+        ElementTree.SubElement(files, "File", name=name)
+    ElementTree.indent(root, "\t")
+    text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text
+
+
+def write_fmu(output: Path, entries: dict[str, bytes]) -> Path:
+    """Write a FMU that passes the validation, or nothing, to `output`; return it."""
+    with tempfile.TemporaryDirectory() as name:
+        packed = Path(name, output.name)
         write_entries(packed, entries)
         problems = validate_fmu(str(packed))
         if problems:
@@ -93,7 +160,7 @@ def stage(sources: Path, folder: Path) -> Path:
     Modules are cached by name for the whole process of the importer, so two builds that share a name would share
     the code of the first.
     """
-    files = sorted(path for path in sources.rglob("*.py"))
+    files = [sources / "slave.py", *sorted((sources / PACKAGE).rglob("*.py"))]
     digest = hashlib.sha256()
     for path in files:
         digest.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
@@ -135,15 +202,15 @@ def read_entries(archive: Path) -> dict[str, bytes]:
         return {name: packed.read(name) for name in packed.namelist()}
 
 
-def with_guid(entries: dict[str, bytes]) -> None:
-    """Replace the GUID in modelDescription.xml by one that is derived from all the contents."""
-    name = "modelDescription.xml"
-    without = re.sub(rb'guid="[^"]*"', b'guid=""', entries[name])
+def derive_guid(entries: dict[str, bytes]) -> str:
+    """Replace the GUID in modelDescription.xml by one that is derived from all the contents, and return it."""
+    without = re.sub(rb'guid="[^"]*"', b'guid=""', entries[DESCRIPTION])
     digest = hashlib.sha256()
-    for entry, content in sorted((entries | {name: without}).items()):
+    for entry, content in sorted((entries | {DESCRIPTION: without}).items()):
         digest.update(entry.encode() + b"\0" + hashlib.sha256(content).digest())
-    guid = uuid.uuid5(NAMESPACE, digest.hexdigest())
-    entries[name] = without.replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
+    guid = str(uuid.uuid5(NAMESPACE, digest.hexdigest()))
+    entries[DESCRIPTION] = without.replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
+    return guid
 
 
 def write_entries(archive: Path, entries: dict[str, bytes]) -> None:
@@ -214,15 +281,21 @@ def html_table(rows: Iterable[Sequence[str]]) -> str:
     return f"<table>\n{line('th', header)}{''.join(line('td', row) for row in body)}</table>\n"
 
 
-def write_documentation(folder: Path) -> None:
-    """Write the documentation of the FMU: description, external dependencies, licences."""
+def write_documentation(folder: Path, carrier: str) -> None:
+    """Write the documentation of the FMU "pythonfmu" or "native": description, external dependencies, licences."""
     licenses = folder / "licenses"
     licenses.mkdir(parents=True)
     shutil.copyfile(ROOT / "LICENSE", licenses / "license.txt")
     source = SOURCES / "documentation"
-    shutil.copyfile(source / "third_party.txt", licenses / "third_party.txt")
-    shutil.copyfile(source / "externalDependencies.txt", folder / "externalDependencies.txt")
+    shutil.copyfile(source / carrier / "third_party.txt", licenses / "third_party.txt")
+    shutil.copyfile(source / carrier / "externalDependencies.txt", folder / "externalDependencies.txt")
     page = (source / "index.html").read_text("utf-8")
+    page = re.sub(
+        r"<!-- only (\w+) -->\n(.*?)<!-- end -->\n",
+        lambda part: part[2] if part[1] == carrier else "",
+        page,
+        flags=re.DOTALL,
+    )
     for mark, content in (
         ("VERSION", interface.VERSION),
         ("VARIABLES", html_table(variable_rows())),
@@ -291,8 +364,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = Parser(prog="build_fmu.py", description=__doc__.split("\n", 1)[0])
     parser.add_argument(
-        "--output", type=Path, default=DEFAULT_OUTPUT, metavar="FILE.fmu", help="where to write the FMU"
+        "--output", type=Path, metavar="FILE.fmu", help="where to write the FMU instead of into dist"
     )
+    parser.add_argument("--native", action="store_true", help="build the FMU without Python")
     parser.add_argument(
         "--readme", action="store_true", help="write the tables of README.md anew instead of building"
     )
@@ -301,15 +375,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         readme = ROOT / "README.md"
         readme.write_text(readme_with_tables(readme.read_text("utf-8")), "utf-8", newline="\n")
         return 0
-    if options.output.suffix != ".fmu" or options.output.is_dir():
-        parser.error(f"--output {options.output}: must be a file that ends in .fmu")
+    output = options.output or (NATIVE_OUTPUT if options.native else DEFAULT_OUTPUT)
+    if output.suffix != ".fmu" or output.is_dir():
+        parser.error(f"--output {output}: must be a file that ends in .fmu")
     try:
-        print(build(options.output))
-    except BuildError as error:
+        print(build_native(output) if options.native else build(output))
+    except (BuildError, native.CompilationError) as error:
         print(f"build_fmu.py: the FMU was not written:\n{error}", file=sys.stderr)
         return 1
+    except native.CompilerError as error:
+        parser.error(f"--native: {error}")
     except OSError as error:
-        parser.error(f"--output {options.output}: {error.strerror}")
+        parser.error(f"--output {output}: {error.strerror}")
     return 0
 
 

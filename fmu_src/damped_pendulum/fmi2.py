@@ -6,6 +6,7 @@ import atexit
 import ctypes
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
@@ -117,24 +118,36 @@ def _type_definitions() -> Element:
     return root
 
 
-def _model_structure() -> Element:
+def _model_structure(states: bool) -> Element:
     index = {variable.name: i for i, variable in enumerate(VARIABLES, start=1)}
+    inputs = {variable.name for variable in VARIABLES if variable.causality == "input"}
     root = Element("ModelStructure")
-    outputs = SubElement(root, "Outputs")
-    initial = SubElement(root, "InitialUnknowns")
-    for variable in VARIABLES:
-        if variable.causality == "output":
-            for parent, names in (
-                (outputs, variable.depends_on),
-                (initial, variable.starts_from),
-            ):
-                dependencies = " ".join(str(i) for i in sorted(index[name] for name in names))
-                SubElement(parent, "Unknown", index=str(index[variable.name]), dependencies=dependencies)
+
+    def add(section: Element, variable: Variable, names: Iterable[str]) -> None:
+        dependencies = " ".join(str(i) for i in sorted(index[name] for name in names))
+        SubElement(section, "Unknown", index=str(index[variable.name]), dependencies=dependencies)
+
+    outputs = [variable for variable in VARIABLES if variable.causality == "output"]
+    sections = {"Outputs": outputs}
+    if states:
+        sections["Derivatives"] = [variable for variable in outputs if variable.derivative_of]
+    for name, variables in sections.items():
+        section = SubElement(root, name)
+        for variable in variables:
+            knowns = set(variable.depends_on)
+            add(section, variable, knowns if states else knowns & inputs)
+    section = SubElement(root, "InitialUnknowns")
+    for variable in outputs:
+        add(section, variable, variable.starts_from)
     return root
 
 
-def complete(root: Element) -> Element:
-    """Add to pythonfmu's modelDescription the sections that it does not write, in the order of the schema."""
+def complete(root: Element, states: bool = False) -> Element:
+    """Add to pythonfmu's modelDescription the sections that it does not write, in the order of the schema.
+
+    With `states`, the continuous states and their derivatives are declared, too; FMI 2.0 asks for them where
+    directional derivatives are provided.
+    """
     root.set("generationDateAndTime", RELEASED)
     after_co_simulation = [child.tag for child in root].index("CoSimulation") + 1
     root.insert(after_co_simulation, _unit_definitions())
@@ -142,7 +155,12 @@ def complete(root: Element) -> Element:
     structure = root.find("ModelStructure")
     if structure is not None:
         root.remove(structure)
-    root.append(_model_structure())
+    root.append(_model_structure(states))
+    if states:
+        places = {variable.name: str(i) for i, variable in enumerate(VARIABLES, start=1)}
+        for variable, node in zip(VARIABLES, root.iter("ScalarVariable"), strict=True):
+            if variable.derivative_of:
+                node[0].set("derivative", places[variable.derivative_of])
     return root
 
 

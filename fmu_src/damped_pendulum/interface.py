@@ -6,8 +6,9 @@ in README are made from them, and the checks of the parameters read the ranges f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from math import inf, isfinite, pi
+from collections.abc import Mapping
+from math import pi, ulp
+from sys import float_info
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -38,17 +39,22 @@ class Type(NamedTuple):
 
 
 class Range(NamedTuple):
-    """Allowed values: `text` for the user, `allows` for the check, `minimum` for the XML where there is one."""
+    """Allowed values, `lowest` to `highest`: `text` for the user, `minimum` for the XML where there is one."""
 
     text: str
-    allows: Callable[[float], bool]
+    lowest: float
+    highest: float = float_info.max
     minimum: float | None = None
 
+    def allows(self, value: float) -> bool:
+        """Return whether `value` is allowed."""
+        return self.lowest <= value <= self.highest
 
-FINITE = Range("finite", isfinite)
-POSITIVE = Range("> 0", lambda value: 0.0 < value < inf, 0.0)
-NOT_NEGATIVE = Range(">= 0", lambda value: 0.0 <= value < inf, 0.0)
-A_METHOD = Range(f"1..{len(SolverMethod)}", lambda value: value in tuple(SolverMethod))
+
+FINITE = Range("finite", -float_info.max)
+POSITIVE = Range("> 0", ulp(0.0), minimum=0.0)
+NOT_NEGATIVE = Range(">= 0", 0.0, minimum=0.0)
+A_METHOD = Range(f"1..{len(SolverMethod)}", min(SolverMethod), max(SolverMethod))
 
 
 class Variable(NamedTuple):
@@ -63,7 +69,8 @@ class Variable(NamedTuple):
     start : start value [unit of the type] of a parameter or an input
     range : allowed values of a parameter or an input
     nominal : typical magnitude where 1 would mislead
-    depends_on : of an output, the inputs it depends on at a communication point
+    derivative_of : of a variable that is the time derivative of another, the name of that one
+    depends_on : of an output, the states and inputs it depends on at a communication point
     starts_from : of an output, the parameters and inputs it depends on at initialization
     """
 
@@ -74,6 +81,7 @@ class Variable(NamedTuple):
     start: float | None = None
     range: Range | None = None
     nominal: float | None = None
+    derivative_of: str | None = None
     depends_on: tuple[str, ...] = ()
     starts_from: tuple[str, ...] = ()
 
@@ -148,16 +156,26 @@ VARIABLES = (
         "Angle",
         "output",
         "Angle from the downward vertical, not wrapped",
+        depends_on=("phi",),
         starts_from=("phi_start",),
     ),
-    Variable("w", "AngularVelocity", "output", "Angular velocity (= der(phi))", starts_from=("w_start",)),
+    Variable(
+        "w",
+        "AngularVelocity",
+        "output",
+        "Angular velocity (= der(phi))",
+        derivative_of="phi",
+        depends_on=("w",),
+        starts_from=("w_start",),
+    ),
     Variable(
         "a",
         "AngularAcceleration",
         "output",
         "Angular acceleration (= der(w))",
         nominal=10.0,
-        depends_on=("tau",),
+        derivative_of="w",
+        depends_on=("tau", "phi", "w"),
         starts_from=("m", "L", "gamma", "g", "phi_start", "w_start", "tau"),
     ),
     Variable(
@@ -165,6 +183,7 @@ VARIABLES = (
         "Energy",
         "output",
         "Mechanical energy, 0 at rest in the lowest point",
+        depends_on=("phi", "w"),
         starts_from=("m", "L", "g", "phi_start", "w_start"),
     ),
     Variable(

@@ -1,0 +1,166 @@
+"""Compile the native FMU: interface.h from the interface tables, one shared library for each platform.
+
+With the package ziglang every platform is built on any machine; without it the C compiler of this machine builds for
+this machine.
+"""
+
+from __future__ import annotations
+
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+from importlib.util import find_spec
+from math import inf
+from pathlib import Path
+from typing import NamedTuple
+
+import fmpy
+
+from damped_pendulum import interface
+from damped_pendulum.fmi2 import TYPE_OF
+from damped_pendulum.solvers import MAX_SUBSTEPS, METHODS, SolverMethod
+
+FOLDER = Path(__file__).resolve().parent
+MODEL_NAME = f"{interface.MODEL_NAME}Native"
+SOURCES = ("pendulum.c", "fmi2.c")
+HEADERS = ("pendulum.h", "interface.h")
+MAX_OUTPUT_ORDER = 2  # of the derivatives that fmi2GetRealOutputDerivatives knows
+FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
+FLAGS = (
+    "-std=c11",
+    "-O2",
+    "-ffp-contract=off",
+    "-fno-builtin-sin",  # no sincos(): the same functions as Python's
+    "-fno-builtin-cos",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-pedantic",
+)
+
+
+class CompilerError(Exception):
+    """There is no C compiler."""
+
+
+class CompilationError(Exception):
+    """The C compiler refuses the sources, with what it says."""
+
+
+class Target(NamedTuple):
+    """A platform of FMI 2.0, the suffix of its libraries, and how the compiler names its processors."""
+
+    platform: str
+    suffix: str
+    triples: tuple[str, ...]
+
+
+TARGETS = (
+    Target("linux64", ".so", ("x86_64-linux-gnu.2.17",)),
+    Target("win64", ".dll", ("x86_64-windows-gnu",)),
+    Target("darwin64", ".dylib", ("x86_64-macos", "aarch64-macos")),
+)
+
+
+def sources(guid: str) -> dict[str, bytes]:
+    """Return the C files by name, the generated one included."""
+    names = [name for name in (*SOURCES, *HEADERS) if name != "interface.h"]
+    return {name: (FOLDER / name).read_bytes() for name in names} | {"interface.h": header(guid).encode()}
+
+
+def header(guid: str) -> str:
+    """Return interface.h: interface.h.in with the interface tables filled in."""
+    marks = {
+        "GUID": guid,
+        "STATE_FORMAT": f"{MODEL_NAME} {interface.VERSION}",
+        "REFERENCES": ", ".join(f"VR_{variable.name.replace('.', '_')}" for variable in interface.VARIABLES),
+        "VARIABLES": "\n".join(map(_row, interface.VARIABLES)),
+        "METHODS": ", ".join(f"{method.name} = {method.value}" for method in SolverMethod),
+        "METHOD_ROWS": "\n".join(
+            f'    [{method.name}] = {{"{method.name}", {_c_double(METHODS[method].real_limit)}}},'
+            for method in SolverMethod
+        ),
+        "MAX_SUBSTEPS": str(MAX_SUBSTEPS),
+        "MAX_OUTPUT_ORDER": str(MAX_OUTPUT_ORDER),
+    }
+    text = (FOLDER / "interface.h.in").read_text("utf-8")
+    for mark, content in marks.items():
+        text = text.replace(f"@{mark}@", content)
+    return text
+
+
+def _row(variable: interface.Variable) -> str:
+    kind = "REAL" if variable.type in TYPE_OF else "INTEGER"
+    allowed = variable.range or interface.Range("", 0.0, 0.0)
+    strings = ", ".join(f'"{text}"' for text in (variable.name, interface.unit_of(variable), allowed.text))
+    numbers = ", ".join(map(_c_double, (variable.start or 0.0, allowed.lowest, allowed.highest)))
+    return f"    {{{strings}, {kind}, {variable.causality.upper()}, {numbers}}},"
+
+
+def _c_double(value: float) -> str:
+    return "INFINITY" if value == inf else repr(float(value))
+
+
+def binaries(guid: str) -> dict[str, bytes]:
+    """Return the shared libraries by their names in the FMU.
+
+    Raises
+    ------
+    CompilerError : there is no C compiler
+    CompilationError : the compiler refuses the sources
+    """
+    if find_spec("ziglang") is None:
+        return host_binary(guid)
+    zig = [sys.executable, "-m", "ziglang", "cc", "-target"]
+    return {
+        _place(target.platform, target.suffix): joined(
+            [library([*zig, triple], guid, target.suffix) for triple in target.triples]
+        )
+        for target in TARGETS
+    }
+
+
+def host_binary(guid: str) -> dict[str, bytes]:
+    """Return the shared library that the C compiler of this machine makes for it, by its name in the FMU."""
+    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    if compiler is None:
+        raise CompilerError("no C compiler: install the package ziglang, or cc, gcc or clang")
+    suffix: str = fmpy.sharedLibraryExtension
+    return {_place(fmpy.platform, suffix): library([compiler], guid, suffix)}
+
+
+def _place(platform: str, suffix: str) -> str:
+    return f"binaries/{platform}/{MODEL_NAME}{suffix}"
+
+
+def library(compiler: list[str], guid: str, suffix: str) -> bytes:
+    """Return the shared library that `compiler` makes."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, content in sources(guid).items():
+            (folder / file).write_bytes(content)
+        output = folder / f"{MODEL_NAME}{suffix}"
+        hidden = [] if suffix == ".dll" else ["-fPIC", "-fvisibility=hidden"]
+        options = [*FLAGS, *hidden, "-s", "-shared", f"-I{FMI_HEADERS}", "-o", output.name]
+        command = [*compiler, *options, *SOURCES, "-lm"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise CompilationError(f"{' '.join(command)}:\n{done.stderr}")
+        return output.read_bytes()
+
+
+def joined(images: list[bytes]) -> bytes:
+    """Return the image of one processor, or a universal Mach-O file of those of several."""
+    if len(images) == 1:
+        return images[0]
+    align = 14  # as a power of 2: the pages of arm64
+    at = 1 << align
+    header, body = struct.pack(">II", 0xCAFEBABE, len(images)), b""
+    for image in images:
+        processor, variant = struct.unpack_from("<II", image, 4)
+        body += b"\0" * (-len(body) % (1 << align))
+        header += struct.pack(">IIIII", processor, variant, at + len(body), len(image), align)
+        body += image
+    return header.ljust(at, b"\0") + body
