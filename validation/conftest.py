@@ -14,11 +14,29 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--fmu", type=Path, help="validate this FMU instead of a fresh build")
 
 
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "fmu" in metafunc.fixturenames:
+        given = metafunc.config.getoption("--fmu")
+        metafunc.parametrize(
+            "fmu", ["pythonfmu", "native"] if given is None else [given], indirect=True, scope="session"
+        )
+
+
 @pytest.fixture(scope="session")
-def fmu(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fmu]:
-    path = request.config.getoption("--fmu")
-    if path is None:
-        path = tmp_path_factory.mktemp("dist") / "DampedPendulum.fmu"
-        subprocess.run([sys.executable, ROOT / "build_fmu.py", "--output", path], check=True)
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("dist")
+
+
+@pytest.fixture(scope="session")
+def fmu(request: pytest.FixtureRequest, folder: Path) -> Iterator[Fmu]:
+    path = request.param
+    if not isinstance(path, Path):
+        native = request.param == "native"
+        path = folder / ("DampedPendulumNative.fmu" if native else "DampedPendulum.fmu")
+        command = [sys.executable, str(ROOT / "build_fmu.py"), "--output", str(path), *["--native"] * native]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if native and done.returncode == 2:
+            pytest.skip(done.stderr.strip())  # no compiler
+        assert done.returncode == 0, done.stderr
     with Fmu(path) as fmu:
         yield fmu
