@@ -30,7 +30,7 @@ MAX_OUTPUT_ORDER = 2  # of the derivatives that fmi2GetRealOutputDerivatives kno
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = (
     "-std=c11",
-    "-O2",
+    "-O3",
     "-ffp-contract=off",
     "-fno-builtin-sin",  # no sincos(): the same functions as Python's
     "-fno-builtin-cos",

@@ -122,22 +122,26 @@ static int64_t implicit_euler(const Pendulum *p, double t, double h, double *phi
     return evaluations;
 }
 
-int64_t integrate(Method method, const Pendulum *given, double *phi, double *w, double h, int64_t first, int64_t n) {
+typedef int64_t Step(const Pendulum *p, double t, double h, double *phi, double *w);
+
+static inline int64_t steps(Step *step, const Pendulum *given, double *phi, double *w, double h, int64_t first,
+                            int64_t n) {
     const Pendulum p = *given; /* a copy that no call can change */
     double x = *phi, v = *w;
     int64_t nfev = 0;
-    for (int64_t i = first; i < first + n; i++) {
-        const double t = (double)i * h;
-        switch (method) {
-        case ExplicitEuler: nfev += explicit_euler(&p, t, h, &x, &v); break;
-        case ExplicitMidPoint2: nfev += explicit_midpoint2(&p, t, h, &x, &v); break;
-        case ExplicitRungeKutta4: nfev += explicit_runge_kutta4(&p, t, h, &x, &v); break;
-        case ImplicitEuler: nfev += implicit_euler(&p, t, h, &x, &v); break;
-        }
-    }
+    for (int64_t i = first; i < first + n && isfinite(x) && isfinite(v); i++) nfev += step(&p, (double)i * h, h, &x, &v);
     *phi = x;
     *w = v;
     return nfev;
+}
+
+int64_t integrate(Method method, const Pendulum *p, double *phi, double *w, double h, int64_t first, int64_t n) {
+    switch (method) {
+    case ExplicitEuler: return steps(explicit_euler, p, phi, w, h, first, n);
+    case ExplicitMidPoint2: return steps(explicit_midpoint2, p, phi, w, h, first, n);
+    case ExplicitRungeKutta4: return steps(explicit_runge_kutta4, p, phi, w, h, first, n);
+    default: return steps(implicit_euler, p, phi, w, h, first, n);
+    }
 }
 
 double stability_limit(Method method, const Pendulum *p) {

@@ -38,7 +38,8 @@ double time_derivative(const Pendulum *p, double phi, double w, int output, int 
 /* Partial derivative of `output` (phi, w, a, E) with respect to `known` (phi, w, tau) at t = 0. */
 double partial_derivative(const Pendulum *p, double phi, double w, int output, int known);
 
-/* Integrate over the substeps first, ..., first + n - 1 of h [s]; return the evaluations of the acceleration. */
+/* Integrate over the substeps first, ..., first + n - 1 of h [s], as long as the state is finite; return the evaluations
+ * of the acceleration. */
 int64_t integrate(Method method, const Pendulum *p, double *phi, double *w, double h, int64_t first, int64_t n);
 
 /* Largest substep [s] that is stable for small swings; 0: none is, INFINITY: every one is. */
