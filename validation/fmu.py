@@ -13,7 +13,7 @@ from math import pi, radians, sqrt
 from pathlib import Path
 from time import perf_counter
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import fmpy
 import numpy as np
@@ -94,6 +94,10 @@ class Fmu:
     UnusableFmuError : no such file, no FMU, or one of another interface
     """
 
+    # FMPy hands all that is logged in the process to the logger of the FMU that was instantiated last, freed or not.
+    _messages: ClassVar[list[tuple[int, str]]] = []
+    _loggers: ClassVar[list[Any]] = []
+
     def __init__(self, path: Path = DEFAULT_PATH) -> None:
         self.path = path
         if not path.is_file():
@@ -108,14 +112,15 @@ class Fmu:
         if missing:
             raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
         self.native = not self.description.coSimulation.needsExecutionTool
-        self._messages: list[tuple[int, str]] = []
         self._folder = fmpy.extract(str(path))
         self._slave = fmpy.instantiate_fmu(
-            self._folder, self.description, "CoSimulation", debug_logging=True, logger=self._log
+            self._folder, self.description, "CoSimulation", debug_logging=True, logger=Fmu._log
         )
+        self._loggers.append(self._slave.callbacks)
 
-    def _log(self, _: Any, __: bytes, status: int, ___: bytes, message: bytes) -> None:
-        self._messages.append((status, message.decode()))
+    @staticmethod
+    def _log(_: Any, __: bytes, status: int, ___: bytes, message: bytes) -> None:
+        Fmu._messages.append((status, message.decode()))
 
     def __enter__(self) -> Self:
         return self

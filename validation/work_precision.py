@@ -303,8 +303,10 @@ def scipy_point(scene: WorkScene, solver: str, tolerance: float, repeats: int = 
     return Point(tolerance, error, nan, best, nfev)
 
 
-def scipy_points(scene: WorkScene, solver: str, exponents: Sequence[float]) -> list[Point]:
-    """Return a sweep over tolerances 10^-e, which ends where a run takes over 0.1 s."""
+@cache
+def scipy_points(name: str, solver: str, exponents: tuple[float, ...]) -> list[Point]:
+    """Return a sweep over tolerances 10^-e for the scene `name`, which ends where a run takes over 0.1 s."""
+    scene = next(scene for scene in SCENES if isinstance(scene, WorkScene) and scene.name == name)
     points: list[Point] = []
     for exponent in exponents:
         points.append(scipy_point(scene, solver, max(10.0**-exponent, 3e-14)))
@@ -321,7 +323,7 @@ def _work(fmu: Fmu, scene: WorkScene) -> Iterator[Result]:
         method: [fmu_point(fmu, scene, method, 2.0**-k, scene.step) for k in exponents]
         for method, exponents in scene.exponents.items()
     }
-    of_scipy = {solver: scipy_points(scene, solver, range(3, 14)) for solver in scene.solvers}
+    of_scipy = {solver: scipy_points(scene.name, solver, tuple(range(3, 14))) for solver in scene.solvers}
     for method, k in scene.slopes:
         coarse, fine = (point for point in of_fmu[method] if point.label in (2.0**-k, 2.0 ** -(k + 1)))
         order = observed_order(coarse.largest, fine.largest)
@@ -458,7 +460,7 @@ def _plot(scene: WorkScene, curves: Sequence[Curve]) -> Plot:
 def _ratio(fmu: Fmu) -> Iterator[Result]:
     scene = next(s for s in SCENES if isinstance(s, WorkScene) and s.headline)
     of_scipy = {
-        solver: scipy_points(scene, solver, np.arange(3, 13.6, spacing).tolist())
+        solver: scipy_points(scene.name, solver, tuple(np.arange(3, 13.6, spacing)))
         for solver, spacing in (("RK45", 1.0), ("DOP853", 0.5), ("LSODA", 0.25), ("odeint", 0.25))
     }
     sweep = [fmu_point(fmu, scene, RK4, 2.0**-k, scene.step) for k in range(4, 13)]
@@ -522,7 +524,7 @@ def _step_for(fmu: Fmu, scene: WorkScene, target: float, sweep: Sequence[Point])
 def _race(
     fmu: Fmu, scene: WorkScene, h: float, rivals: dict[str, tuple[str, float]]
 ) -> tuple[float, dict[str, float]]:
-    """Return the times [s] of the FMU and of its rivals, minima of rounds in which each runs: noise meets all of them."""
+    """Return the times [s] of the FMU and of its rivals, minima of rounds in which each runs, so noise meets all."""
     own, times = inf, dict.fromkeys(rivals, inf)
     for _ in range(ROUNDS):
         if h > 0:
