@@ -45,8 +45,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"unknown study {name!r} (allowed: {known})")
     if options.output.exists() and not options.output.is_dir():
         parser.error(f"--output {options.output}: must be a directory")
+    drawable = find_spec("matplotlib") is not None
+    if options.picture is not None and not drawable:
+        parser.error("--picture needs matplotlib: pip install '.[report]'")
     pictures = not options.no_plots
-    if pictures and find_spec("matplotlib") is None:
+    if pictures and not drawable:
         print("pictures are left out: they need matplotlib, pip install '.[report]'", file=sys.stderr)
         pictures = False
     try:
@@ -56,8 +59,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     page = report.write(sections, options.output, options.fmu, pictures)
     if options.picture is not None:
-        plots = (r for section in sections for r in section.results if isinstance(r, Plot) and r.headline)
-        options.picture.write_bytes(report.draw(next(plots)))
+        plots = [r for section in sections for r in section.results if isinstance(r, Plot) and r.headline]
+        if not plots:
+            parser.error("--picture: only work_precision and stability have a leading picture")
+        options.picture.write_bytes(report.draw(plots[0]))
     print(f"\n{report.summary(sections)}\nreport: {page}")
     return 0 if all(check.holds for section in sections for check in section.checks) else 1
 

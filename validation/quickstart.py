@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -28,12 +29,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--plot",
         nargs="?",
-        const=Path("quickstart.png"),
+        const=Path("report", "quickstart.png"),
         type=Path,
         metavar="FILE.png",
-        help="draw a picture, too (default: quickstart.png)",
+        help="draw a picture, too (default: report/quickstart.png)",
     )
     options = parser.parse_args(arguments)
+    if options.plot is not None and find_spec("matplotlib") is None:
+        parser.error("--plot needs matplotlib: pip install '.[report]'")
     try:
         Fmu(options.fmu).close()
     except UnusableFmuError as error:
@@ -81,6 +84,7 @@ def draw(default: Any, impulse: Any, path: Path) -> None:
             Curve("impulse response, exact", t, exact, line="--"),
         ],
     )
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(draw_plot(plot))
     print(f"\npicture: {path}")
 

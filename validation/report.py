@@ -171,7 +171,7 @@ def draw(plot: Plot) -> bytes:
     mpl.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(figsize=(8.0, 4.8), dpi=110, layout="constrained")
+    figure, axes = pyplot.subplots(figsize=(9.0, 4.8), dpi=110, layout="constrained")
     if plot.shade is not None:
         x, y, values = plot.shade
         axes.pcolormesh(x, y, values, cmap="Greys", vmin=0.0, vmax=2.0, shading="nearest", rasterized=True)
@@ -202,7 +202,7 @@ def _finish(axes: Any, plot: Plot) -> None:
     if plot.y_range is not None:
         axes.set_ylim(*plot.y_range)
     if any(curve.label for curve in plot.curves):
-        axes.legend(fontsize="small")
+        axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0))
     axes.grid(True, linewidth=0.3)
 
 

@@ -446,9 +446,8 @@ def _other_carrier(fmu: Fmu, scene: WorkScene) -> list[Curve]:
     if not path.is_file():
         return []
     with Fmu(path) as other:
-        return _curves(
-            other, {RK4: [fmu_point(other, scene, RK4, 2.0**-k, scene.step) for k in scene.exponents[RK4]]}
-        )
+        points = [fmu_point(other, scene, RK4, 2.0**-k, scene.step) for k in scene.exponents[RK4]]
+        return [_curve(f"{_carrier(other)} {METHOD_NAMES[RK4]}", points, "-.", "D")]
 
 
 def _plot(scene: WorkScene, curves: Sequence[Curve]) -> Plot:
