@@ -249,9 +249,9 @@ def method_rows() -> list[Sequence[str]]:
             "solver.method",
             "order",
             "evaluations per substep",
-            "stable to, undamped",
-            "default",
-            "stiff",
+            "stable step: undamped",
+            "default drag",
+            "strong drag",
         )
     ]
     for method in SolverMethod:
