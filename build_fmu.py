@@ -161,7 +161,7 @@ def stage(sources: Path, folder: Path) -> Path:
     the code of the first.
     """
     files = [sources / "slave.py", *sorted((sources / PACKAGE).rglob("*.py"))]
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(SCRIPT.encode())
     for path in files:
         digest.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
     package = f"{PACKAGE}_{digest.hexdigest()[:8]}"
