@@ -164,10 +164,10 @@ double stability_limit(Method method, const Pendulum *p) {
     }
 }
 
-double unique_root_limit(Method method, const Pendulum *p) {
-    if (method != ImplicitEuler || p->w02 == 0.0) return INFINITY;
+double longest_substep(Method method, const Pendulum *p, double wanted) {
+    if (method != ImplicitEuler || p->w02 == 0.0) return wanted;
     const double w0 = sqrt(fabs(p->w02)), half = p->damping_rate / (2.0 * w0);
-    return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9);
+    return fmin(wanted, (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9));
 }
 
 double substeps(double time, double duration, double max_step) {

@@ -44,8 +44,8 @@ int64_t integrate(Method method, const Pendulum *p, double *phi, double *w, doub
 /* Largest substep [s] that is stable for small swings; 0: none is, INFINITY: every one is. */
 double stability_limit(Method method, const Pendulum *p);
 
-/* Substep [s] below which the equation of a substep has a single root; INFINITY for explicit methods. */
-double unique_root_limit(Method method, const Pendulum *p);
+/* Largest substep [s] up to `wanted` whose equation has a single root, which limits the implicit method alone. */
+double longest_substep(Method method, const Pendulum *p, double wanted);
 
 /* Number of equal substeps, none longer than max_step [s], of a communication step of `duration` [s] from `time` [s];
  * a whole number up to MAX_SUBSTEPS. */
