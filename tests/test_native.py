@@ -81,7 +81,6 @@ class FMU2Instance(FMU2Slave):
                 (category.decode(), status, message.decode())
             )
         )
-        fmpy.logging.addLoggerProxy(fmpy.fmi2.byref(callbacks))
         self.instantiate(callbacks=callbacks)
 
     def set(self, name: str, value: float) -> None:
