@@ -76,7 +76,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         self._max_step: float
         self._values: list[Any] = [variable.start for variable in VARIABLES]
         self._mode = "instantiated"
-        self._latest_end = inf
+        self._latest_end = sys.float_info.max
         self._nfev = 0
         self._begin()
         outputs: dict[str, Callable[[], float]] = {
@@ -111,7 +111,8 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             )
         if stop_time is not None:
             # Importers that add up their steps arrive a little beyond it; FMPy allows itself a relative 1e-9.
-            self._latest_end = stop_time + 2e-9 * max(abs(start_time), abs(stop_time))
+            latest_end = stop_time + 2e-9 * max(abs(start_time), abs(stop_time))
+            self._latest_end = min(latest_end, sys.float_info.max)
 
     def enter_initialization_mode(self) -> None:
         """Enter initialization; the parameters may still be set."""

@@ -3,12 +3,37 @@ from pathlib import Path
 import pytest
 
 import build_fmu
+from native.build import CompilerError
 from tests.driver import Fmu
 
 
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run the tests of conduct on both carriers of the model."""
+    if "carrier" in metafunc.fixturenames and metafunc.module.__name__.rpartition(".")[2].startswith(
+        "test_conduct"
+    ):
+        both = metafunc.definition.get_closest_marker("pythonfmu_only") is None
+        metafunc.parametrize("carrier", ["pythonfmu", "native"][: 1 + both], indirect=True, scope="session")
+
+
 @pytest.fixture(scope="session")
-def fmu_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build_fmu.build(tmp_path_factory.mktemp("dist") / "DampedPendulum.fmu")
+def carrier(request: pytest.FixtureRequest) -> str:
+    return getattr(request, "param", "pythonfmu")
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    return {"pythonfmu": build_fmu.build(tmp_path_factory.mktemp("dist") / "DampedPendulum.fmu")}
+
+
+@pytest.fixture(scope="session")
+def fmu_path(carrier: str, built: dict[str, Path]) -> Path:
+    if carrier not in built:
+        try:
+            built[carrier] = build_fmu.build_native(built["pythonfmu"].with_name("DampedPendulumNative.fmu"))
+        except CompilerError as error:
+            pytest.skip(str(error))
+    return built[carrier]
 
 
 @pytest.fixture(scope="session")

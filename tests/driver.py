@@ -48,6 +48,22 @@ class Fmu:
         self.type = {
             v.name: "Real" if v.type == "Real" else "Integer" for v in self.description.modelVariables
         }
+        # What the description declares is all in which the conduct of the carriers differs, and where errors are told.
+        about = self.description.coSimulation
+        self.name = about.modelIdentifier
+        self.native = not about.needsExecutionTool
+        self.optional_functions = {
+            "fmi2GetDirectionalDerivative": about.providesDirectionalDerivative,
+            "fmi2SetRealInputDerivatives": about.canInterpolateInputs,
+            "fmi2GetRealOutputDerivatives": about.maxOutputDerivativeOrder > 0,
+        }
+
+    def places_of_errors(self, logging: bool) -> tuple[bool, bool]:
+        """Return whether errors are told in the log and on stderr.
+
+        Without logging pythonfmu keeps its messages, so its FMU tells them on stderr, too.
+        """
+        return (True, False) if self.native else (logging, True)
 
     @contextmanager
     def instance(self, name: str = "pendulum", *, logging: bool = True) -> Iterator[Instance]:

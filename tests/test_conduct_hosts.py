@@ -29,6 +29,7 @@ def test_fmpy_survives_errors_of_every_kind(fmu_path: Path, stderr: str) -> None
     assert run_host("fmpy_errors", fmu_path, stderr) == default_angle()
 
 
+@pytest.mark.pythonfmu_only
 def test_fmpy_survives_control_c_in_a_long_step(fmu_path: Path) -> None:
     assert run_host("fmpy_interrupted", fmu_path) == default_angle()
 
@@ -61,6 +62,7 @@ print("freed")
 """
 
 
+@pytest.mark.pythonfmu_only
 @pytest.mark.slow
 @pytest.mark.skipif(
     shutil.which("valgrind") is None, reason="needs valgrind, which sees memory used after it is freed"

@@ -86,6 +86,7 @@ def wrong_fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
     return Fmu(build(folder / "DampedPendulum.fmu", sources), folder / "extracted")
 
 
+@pytest.mark.pythonfmu_only
 def test_two_builds_in_one_process_keep_to_their_own_code(fmu: Fmu, wrong_fmu: Fmu) -> None:
     start = {"phi_start": 0.0, "tau": 1.0, "g": 0.0, "gamma": 0.0}
     rates = []

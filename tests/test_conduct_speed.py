@@ -35,6 +35,7 @@ def seconds(do_step: Callable[[float, float], bool]) -> float:
     return perf_counter() - begin
 
 
+@pytest.mark.pythonfmu_only
 @pytest.mark.slow
 def test_the_checks_cost_less_than_a_microsecond_per_communication_step() -> None:
     slave = DampedPendulum(instance_name="pendulum")

@@ -170,6 +170,7 @@ def later_fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
     return Fmu(build(folder / "DampedPendulum.fmu", sources), folder / "extracted")
 
 
+@pytest.mark.pythonfmu_only
 def test_a_state_of_another_version_is_refused_in_both_directions(
     fmu: Fmu, later_fmu: Fmu, data: bytes
 ) -> None:

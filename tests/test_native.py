@@ -10,7 +10,6 @@ import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from math import inf, isfinite, log2, nan, pi
 from pathlib import Path
@@ -20,7 +19,6 @@ from xml.etree import ElementTree
 
 import fmpy
 import mpmath
-import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
@@ -29,7 +27,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import build_fmu
-from damped_pendulum.interface import VARIABLES
+from damped_pendulum.interface import VARIABLES, VERSION
 from damped_pendulum.model import Pendulum
 from damped_pendulum.solvers import METHODS, SolverMethod, substeps, unique_root_limit
 from native import build as native
@@ -83,7 +81,6 @@ class FMU2Instance(FMU2Slave):
                 (category.decode(), status, message.decode())
             )
         )
-        fmpy.logging.addLoggerProxy(fmpy.fmi2.byref(callbacks))
         self.instantiate(callbacks=callbacks)
 
     def set(self, name: str, value: float) -> None:
@@ -213,14 +210,18 @@ def test_every_method_gives_the_bits_of_the_python_kernel(
         expected = kernel_step(pendulum, method, phi, w, tau, i * duration, duration, h)
         if expected is None:
             message = shared.refusal(lambda i=i: shared.doStep(i * duration, duration))
-            assert message.startswith("diverged at t = ")
+            assert message.startswith("pendulum: diverged at t = ")
         else:
             shared.doStep(i * duration, duration)
             phi, w, evaluations = expected
             nfev += evaluations
         a, E = pendulum.motion(tau).acceleration()(phi, w), pendulum.energy(phi, w)
-        # NaN: a and E of a state near the limits of a double overflow.
-        assert np.array_equal(shared.get(*OUTPUTS), [phi, w, a, E], equal_nan=True)
+        assert shared.get("phi", "w") == [phi, w]
+        for name, value in (("a", a), ("E", E)):
+            if isfinite(value):
+                assert shared.get(name) == [value]
+            else:
+                assert "is out of the range of a double" in shared.refusal(lambda name=name: shared.get(name))
         assert shared.nfev() == nfev
 
 
@@ -349,12 +350,24 @@ SCENARIOS: dict[str, Callable[[Any], Any]] = {
     "torque nan": lambda f: initialized(f, tau=nan).doStep(0.0, H),
     "torque infinite": lambda f: initialized(f, tau=-inf).doStep(0.0, H),
     "stop time": lambda f: initialized(f, stop=1.0).doStep(0.995, H),
+    "setup too late": lambda f: initialized(f).setupExperiment(startTime=0.0),
+    "exit too early": lambda f: f.exitInitializationMode(),
+    "enter twice": lambda f: (f.enterInitializationMode(), f.enterInitializationMode()),
+    "no start": lambda f: f.setupExperiment(startTime=nan),
+    "start beyond the stop": lambda f: f.setupExperiment(startTime=1e-5, stopTime=-1e22),
+    "no stop": lambda f: f.setupExperiment(startTime=1.0, stopTime=nan),
     "substeps": lambda f: initialized(f, solver_stepSize=1e-12).doStep(0.0, 10.0),
     "divergence": lambda f: initialized(f, method=1, gamma=1e6, solver_stepSize=H).doStep(0.0, 10.0),
     "divergence undamped": lambda f: initialized(f, method=1, gamma=0.0, g=1e8, w_start=1e308).doStep(
         0.0, 10.0
     ),
     "divergence implicit": lambda f: initialized(f, method=4, w_start=1.7e308).doStep(0.0, 10.0),
+    "divergence within the limit": lambda f: initialized(f, method=1, gamma=1.0, tau=1e308, m=1e-9).doStep(
+        0.0, 10.0
+    ),
+    "divergence of no limit": lambda f: initialized(
+        f, method=2, gamma=0.0, g=0.0, w_start=1.7e308, solver_stepSize=9.0
+    ).doStep(0.0, 9.0),
     "step after the end": lambda f: (initialized(f), f.terminate(), f.doStep(0.0, H)),
     "unknown reference": lambda f: f.getReal([VR["m"], 4711]),
     "wrong type": lambda f: f.getReal([VR["solver.nfev"]]),
@@ -375,24 +388,18 @@ def test_a_refusal_says_what_the_fmu_with_python_says(
 ) -> None:
     with pytest.raises(FmuError) as raised:
         scenario(Python())
-    assert instance.refusal(lambda: scenario(instance)) == str(raised.value).removeprefix("pendulum: ")
+    assert instance.refusal(lambda: scenario(instance)) == str(raised.value)
 
 
-@pytest.mark.parametrize("call", ["terminate", "exitInitializationMode"])
-def test_a_call_in_the_wrong_mode_is_refused(instance: FMU2Instance, call: str) -> None:
-    assert f"fmi2{call[0].upper()}{call[1:]} in mode instantiated" in instance.refusal(
-        getattr(instance, call)
+@given(time=st.floats(), step=st.floats(max_value=0.0))
+@example(1e16, -9999999999999998.0)
+@example(1e-4, -9.999e-5)
+@example(123456789012345680.0, -5e-324)
+def test_numbers_read_as_in_python(shared: FMU2Instance, time: float, step: float) -> None:
+    shared.start({})
+    assert shared.refusal(lambda: shared.doStep(time, step)) == (
+        f"pendulum: no step from t = {time!r} s: communicationStepSize = {step!r} s (allowed: > 0 and finite)"
     )
-    initialized(instance)
-    for late in (lambda: instance.setupExperiment(), instance.enterInitializationMode):
-        assert "in mode stepping (allowed: instantiated)" in instance.refusal(late)
-
-
-@pytest.mark.parametrize(("start", "stop"), [(nan, 1.0), (inf, None), (0.0, nan)])
-def test_an_experiment_without_a_start_or_with_a_stop_that_is_no_number_is_refused(
-    instance: FMU2Instance, start: float, stop: float | None
-) -> None:
-    assert "startTime" in instance.refusal(lambda: instance.setupExperiment(startTime=start, stopTime=stop))
 
 
 def test_an_unstable_step_size_is_a_warning(instance: FMU2Instance) -> None:
@@ -401,8 +408,8 @@ def test_an_unstable_step_size_is_a_warning(instance: FMU2Instance) -> None:
         (
             "logStatusWarning",
             fmpy.fmi2.fmi2Warning,
-            "solver.stepSize = 0.001 s (allowed: > 0) is unstable: ExplicitEuler has no stable step size without "
-            "damping: use ExplicitRungeKutta4 or ImplicitEuler",
+            "solver.stepSize = 0.001 s is unstable: ExplicitEuler has no stable step size for this pendulum "
+            "(stability limit 0 s): use ExplicitRungeKutta4 or ImplicitEuler",
         )
     ]
 
@@ -418,26 +425,6 @@ def test_the_warning_comes_at_the_stability_limit_of_python(
         instance.messages.clear()
         initialized(instance, method, gamma=gamma, solver_stepSize=h)
         assert bool(instance.messages) == (h > limit)
-
-
-def test_a_failed_step_changes_nothing(instance: FMU2Instance) -> None:
-    instance.start({"tau": 0.5}, stop=1.0)
-    instance.doStep(0.0, H)
-    before = (
-        instance.get(*OUTPUTS, "tau"),
-        instance.nfev(),
-        instance.serializeFMUstate(instance.getFMUstate()),
-    )
-    for t, step in ((H, nan), (H, -H), (0.995, H)):
-        instance.refusal(lambda t=t, step=step: instance.doStep(t, step))
-    assert (instance.get(*OUTPUTS, "tau"), instance.nfev()) == before[:2]
-    assert instance.serializeFMUstate(instance.getFMUstate()) == before[2]
-    instance.doStep(H, H)
-
-
-def test_nothing_is_set_when_one_reference_is_wrong(instance: FMU2Instance) -> None:
-    instance.refusal(lambda: instance.setReal([VR["m"], VR["phi"]], [3.0, 1.0]))
-    assert instance.get("m") == [1.0]
 
 
 def test_outputs_are_right_before_the_first_step(instance: FMU2Instance) -> None:
@@ -493,18 +480,16 @@ def test_a_reset_instance_is_a_new_one(instance: FMU2Instance) -> None:
 def test_status_of_steps(instance: FMU2Instance) -> None:
     instance.start({}, stop=1.0)
     instance.doStep(0.0, H)
-    time, status, ended = fmpy.fmi2.fmi2Real(), fmpy.fmi2.fmi2Status(), fmpy.fmi2.fmi2Boolean(1)
+    time, ended = fmpy.fmi2.fmi2Real(), fmpy.fmi2.fmi2Boolean(1)
     by = fmpy.fmi2.byref
     instance.fmi2GetRealStatus(instance.component, fmpy.fmi2.fmi2LastSuccessfulTime, by(time))
     instance.fmi2GetBooleanStatus(instance.component, fmpy.fmi2.fmi2Terminated, by(ended))
     assert (time.value, ended.value) == (H, 0)
     instance.refusal(lambda: instance.doStep(2.0, H))
-    instance.fmi2GetStatus(instance.component, fmpy.fmi2.fmi2DoStepStatus, by(status))
     instance.fmi2GetRealStatus(instance.component, fmpy.fmi2.fmi2LastSuccessfulTime, by(time))
-    assert (status.value, time.value) == (fmpy.fmi2.fmi2Error, H)
-    instance.reset()
-    instance.fmi2GetStatus(instance.component, fmpy.fmi2.fmi2DoStepStatus, by(status))
-    assert status.value == fmpy.fmi2.fmi2OK
+    assert time.value == H
+    with pytest.raises(FMICallException, match="discard"):  # it is for steps that were pending
+        instance.fmi2GetStatus(instance.component, fmpy.fmi2.fmi2DoStepStatus, by(fmpy.fmi2.fmi2Status()))
 
 
 # State
@@ -534,32 +519,15 @@ def test_a_restored_state_has_the_same_future(instance: FMU2Instance, folder: Pa
     other.fmi2FreeInstance(other.component)
 
 
-def test_a_state_is_the_same_in_another_process(instance: FMU2Instance, native_path: Path) -> None:
-    instance.start({"solver.method": 2, "tau": 0.7})
-    run_on(instance, 3)
-    data = instance.serializeFMUstate(instance.getFMUstate())
-    program = f"""
-import fmpy
-fmu = fmpy.instantiate_fmu(fmpy.extract({str(native_path)!r}), fmpy.read_model_description({str(native_path)!r}))
-fmu.setFMUstate(fmu.deSerializeFMUstate(bytes.fromhex({data.hex()!r})))
-for i in range(5):
-    fmu.doStep(1.0 + i * {H}, {H})
-print(fmu.serializeFMUstate(fmu.getFMUstate()).hex())
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    run_on(instance, 5)
-    assert bytes.fromhex(done.stdout) == instance.serializeFMUstate(instance.getFMUstate())
-
-
 def test_a_damaged_state_is_refused(instance: FMU2Instance) -> None:
     data = instance.serializeFMUstate(instance.getFMUstate())
     for i in range(len(data)):
         for bit in (0x01, 0x80):
             damaged = data[:i] + bytes([data[i] ^ bit]) + data[i + 1 :]
             message = instance.refusal(lambda damaged=damaged: instance.deSerializeFMUstate(damaged))
-            assert message == "cannot restore the state: the bytes are damaged (wrong checksum)"
+            assert message == "pendulum: cannot restore the state: the bytes are damaged (wrong checksum)"
     for wrong in (data[:-1], data + b"\0", b""):
-        assert f"{len(wrong)} bytes instead of {len(data)}" in instance.refusal(
+        assert f"the bytes are damaged ({len(wrong)}, not {len(data)})" in instance.refusal(
             lambda wrong=wrong: instance.deSerializeFMUstate(wrong)
         )
 
@@ -567,9 +535,14 @@ def test_a_damaged_state_is_refused(instance: FMU2Instance) -> None:
 @pytest.mark.parametrize(
     ("at", "patch", "words"),
     [
-        (4, b"DampedPendulumNative 0.0.0\0", "it is not of DampedPendulumNative"),
-        (-4, struct.pack("=i", 9), "no instance can be in it"),  # the mode
-        (-8, struct.pack("=i", -1), "no instance can be in it"),  # the evaluations
+        (
+            4,
+            b"DampedPendulumNative 0.0.0\0",
+            f"of 'DampedPendulumNative 0.0.0', this is 'DampedPendulumNative {VERSION}'",
+        ),
+        (-8, struct.pack("=q", 9), "no instance can be in it"),  # the mode
+        (64 + 8 * VR["solver.nfev"], struct.pack("=d", -1.0), "no instance can be in it"),
+        (64 + 8 * VR["phi"], struct.pack("=d", inf), "no instance can be in it"),
         (64 + 8 * VR["m"], struct.pack("=d", -1.0), "no instance can be in it"),
         (64 + 8 * VR["solver.method"], struct.pack("=d", nan), "no instance can be in it"),
     ],
@@ -583,20 +556,6 @@ def test_a_state_with_the_right_checksum_is_refused_too(
     forged[start : start + len(patch)] = patch
     forged[:4] = struct.pack("=I", zlib.crc32(forged[4:]))
     assert words in instance.refusal(lambda: instance.deSerializeFMUstate(bytes(forged)))
-
-
-def test_eight_threads_compute_what_one_computes(folder: Path, description: Any) -> None:
-    instances = [FMU2Instance(folder, description, instanceName=f"pendulum {i}") for i in range(8)]
-
-    def run(i: int) -> list[float]:
-        instances[i].start({"phi_start": 0.1 * (i + 1), "solver.method": 1 + i % 4})
-        return run_on(instances[i], 300)
-
-    alone = [run(i) for i in range(8)]
-    with ThreadPoolExecutor(8) as pool:
-        assert list(pool.map(run, range(8))) == alone
-    for instance in instances:
-        instance.fmi2FreeInstance(instance.component)
 
 
 # Derivatives
@@ -785,17 +744,6 @@ def test_a_host_in_c_needs_no_python(
     assert printed([host, library, description.guid, str(VR["phi"])]) == pytest.approx(final_angle, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("module", "script"), [("libcosimpy", "run_libcosimpy.py"), ("ecospy", "run_ecospy.py")]
-)
-def test_importers_in_python_agree(native_path: Path, module: str, script: str, final_angle: float) -> None:
-    if find_spec(module) is None:
-        pytest.skip(f"{module} is not installed")
-    environment = os.environ | {"LD_LIBRARY_PATH": str(Path(sys.prefix) / "lib")}  # where tbb is, for Ecos
-    command = [sys.executable, IMPORTERS / script, native_path, str(VR["phi"])]
-    assert printed(command, env=environment) == pytest.approx(final_angle, abs=1e-12)
-
-
 @pytest.fixture(scope="session")
 def jars(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the Java importers of pom.xml from Maven Central."""
@@ -821,16 +769,6 @@ def test_importers_in_java_agree_and_load_no_python(
     options = ["--add-opens", "java.prefs/java.util.prefs=ALL-UNNAMED", "-cp", f"{jars}/*"]
     command = ["java", *options, IMPORTERS / program, native_path, str(VR["phi"])]
     assert printed(command) == pytest.approx(final_angle, abs=1e-12)
-
-
-@pytest.mark.slow
-def test_vdmcheck_finds_no_error(native_path: Path, jars: Path) -> None:
-    for model in ("static-model", "rule-model", "vdmcheck2"):
-        with zipfile.ZipFile(jars / f"{model}.jar") as archive:
-            archive.extractall(jars)
-    command = ["java", "-jar", "vdmcheck2.jar", native_path]
-    done = subprocess.run(command, cwd=jars, capture_output=True, text=True, check=False)
-    assert done.stdout.splitlines()[-1] == "No errors found.", done.stdout
 
 
 def test_fmpy_compile_rebuilds_the_binary(native_path: Path, tmp_path: Path, final_angle: float) -> None:
@@ -966,14 +904,10 @@ def test_what_the_compiler_refuses_is_printed_and_not_written(
 
 
 def test_the_c_code_is_short() -> None:
-    """It is for reading: under 700 lines with code on them, and no line of it is generated."""
-    lines = [
-        line
-        for path in native.FOLDER.iterdir()
-        if path.suffix in (".c", ".h", ".in")
-        for line in re.sub(r"/\*.*?\*/", "", path.read_text("utf-8"), flags=re.DOTALL).splitlines()
-    ]
-    assert sum(bool(line.strip()) for line in lines) < 700
+    """It is for reading: under 700 lines."""
+    files = [path for path in native.FOLDER.iterdir() if path.suffix in (".c", ".h", ".in")]
+    assert sum(path.read_text("utf-8").count("\n") for path in files) < 700
+    assert all(len(line) <= 120 for path in files for line in path.read_text("utf-8").splitlines())
 
 
 @on_linux

@@ -1,7 +1,6 @@
-#include "pendulum.h"
-
 #include <float.h>
 #include <math.h>
+#include "pendulum.h"
 
 /* A fused multiply-add rounds once where Python rounds twice. */
 #if defined __clang__
@@ -12,10 +11,12 @@
 #pragma fp_contract(off)
 #endif
 
-Pendulum pendulum(double m, double L, double gamma, double g, double tau, const double derivatives[MAX_INPUT_ORDER]) {
-    Pendulum p = {.m = m, .L = L, .gamma = gamma, .g = g, .J = m * L * L, .damping_rate = gamma / m, .w02 = g / L};
+Pendulum pendulum(const double values[VARIABLE_COUNT], const double derivatives[MAX_INPUT_ORDER]) {
+    const double m = values[VR_m], L = values[VR_L], g = values[VR_g];
+    Pendulum p = {.m = m, .L = L, .g = g, .J = m * L * L, .damping_rate = values[VR_gamma] / m, .w02 = g / L};
+    p.method = (Method)values[VR_solver_method];
     double divisor = p.J; /* J*k! */
-    p.drive[0] = tau / p.J;
+    p.drive[0] = values[VR_tau] / p.J;
     for (int k = 1; k <= MAX_INPUT_ORDER; k++) {
         p.drive[k] = derivatives[k - 1] / (divisor *= k);
         if (p.drive[k] != 0.0) p.order = k;
@@ -28,14 +29,12 @@ static double drive_at(const Pendulum *p, double t) {
     for (int k = p->order; k > 0; k--) drive = drive * t + p->drive[k - 1];
     return drive;
 }
-
 double acceleration(const Pendulum *p, double t, double phi, double w) {
     double a = drive_at(p, t);
     if (p->damping_rate != 0.0) a -= p->damping_rate * w;
     if (p->w02 != 0.0) a -= p->w02 * sin(phi);
     return a;
 }
-
 double energy(const Pendulum *p, double phi, double w) {
     const double half = sin(phi / 2.0); /* 1 - cos(phi) would lose the digits of small swings */
     return 0.5 * p->J * w * w + 2.0 * p->m * p->g * p->L * (half * half);
@@ -53,7 +52,6 @@ double time_derivative(const Pendulum *p, double phi, double w, int output, int 
     default: return p->J * (order == 1 ? w * push : a * push + w * (p->drive[1] - p->damping_rate * a));
     }
 }
-
 double partial_derivative(const Pendulum *p, double phi, double w, int output, int known) {
     switch (output) {
     case VR_phi: return known == VR_phi ? 1.0 : 0.0;
@@ -64,14 +62,12 @@ double partial_derivative(const Pendulum *p, double phi, double w, int output, i
 }
 
 /* The methods: each advances phi and w by the substep of h that begins at t, and returns its evaluations. */
-
 static int64_t explicit_euler(const Pendulum *p, double t, double h, double *phi, double *w) {
     const double a = acceleration(p, t, *phi, *w);
     *phi += h * *w;
     *w += h * a;
     return 1;
 }
-
 static int64_t explicit_midpoint2(const Pendulum *p, double t, double h, double *phi, double *w) {
     const double half = h / 2, a1 = acceleration(p, t, *phi, *w), w2 = *w + half * a1;
     const double a2 = acceleration(p, t + half, *phi + half * *w, w2);
@@ -79,7 +75,6 @@ static int64_t explicit_midpoint2(const Pendulum *p, double t, double h, double 
     *w += h * a2;
     return 2;
 }
-
 static int64_t explicit_runge_kutta4(const Pendulum *p, double t, double h, double *phi, double *w) {
     const double half = h / 2, sixth = h / 6, middle = *phi + half * *w, end = *phi + h * *w;
     const double a1 = acceleration(p, t, *phi, *w);
@@ -110,7 +105,6 @@ static int64_t solve_kepler(double s, double c, double *root) {
         x = next;
     }
 }
-
 static int64_t implicit_euler(const Pendulum *p, double t, double h, double *phi, double *w) {
     const double denominator = 1.0 + h * p->damping_rate, kick = h * p->w02 / denominator, s = h * kick;
     const double v = (*w + h * drive_at(p, t + h)) / denominator, c = *phi + h * v;
@@ -122,32 +116,28 @@ static int64_t implicit_euler(const Pendulum *p, double t, double h, double *phi
     return evaluations;
 }
 
-typedef int64_t Step(const Pendulum *p, double t, double h, double *phi, double *w);
-
-static inline int64_t steps(Step *step, const Pendulum *given, double *phi, double *w, double h, int64_t first,
-                            int64_t n) {
+int64_t integrate(const Pendulum *given, double *phi, double *w, double h, int64_t first, int64_t n) {
     const Pendulum p = *given; /* a copy that no call can change */
     double x = *phi, v = *w;
     int64_t nfev = 0;
-    for (int64_t i = first; i < first + n && isfinite(x) && isfinite(v); i++) nfev += step(&p, (double)i * h, h, &x, &v);
+    for (int64_t i = first; i < first + n && isfinite(x) && isfinite(v); i++) {
+        const double t = (double)i * h;
+        switch (p.method) {
+        case ExplicitEuler: nfev += explicit_euler(&p, t, h, &x, &v); break;
+        case ExplicitMidPoint2: nfev += explicit_midpoint2(&p, t, h, &x, &v); break;
+        case ExplicitRungeKutta4: nfev += explicit_runge_kutta4(&p, t, h, &x, &v); break;
+        case ImplicitEuler: nfev += implicit_euler(&p, t, h, &x, &v); break;
+        }
+    }
     *phi = x;
     *w = v;
     return nfev;
 }
 
-int64_t integrate(Method method, const Pendulum *p, double *phi, double *w, double h, int64_t first, int64_t n) {
-    switch (method) {
-    case ExplicitEuler: return steps(explicit_euler, p, phi, w, h, first, n);
-    case ExplicitMidPoint2: return steps(explicit_midpoint2, p, phi, w, h, first, n);
-    case ExplicitRungeKutta4: return steps(explicit_runge_kutta4, p, phi, w, h, first, n);
-    default: return steps(implicit_euler, p, phi, w, h, first, n);
-    }
-}
-
-double stability_limit(Method method, const Pendulum *p) {
+double stability_limit(const Pendulum *p) {
     const double k = p->damping_rate, w0 = sqrt(fabs(p->w02)), ratio = w0 / k;
-    if (method == ImplicitEuler || (k == 0.0 && w0 == 0.0)) return INFINITY;
-    if (k >= 2.0 * w0) return METHODS[method].real_limit / (k * (0.5 + sqrt(0.25 - ratio * ratio)));
+    if (p->method == ImplicitEuler || (k == 0.0 && w0 == 0.0)) return INFINITY;
+    if (k >= 2.0 * w0) return METHODS[p->method].real_limit / (k * (0.5 + sqrt(0.25 - ratio * ratio)));
     /* (|R(h*lambda)|^2 - 1)/h in rising powers of h, R the stability function, in units of w0 */
     const double z = k / w0, z2 = z * z, z3 = z2 * z, z4 = z2 * z2;
     const double growth[][8] = {
@@ -155,7 +145,7 @@ double stability_limit(Method method, const Pendulum *p) {
         [ExplicitMidPoint2] = {-z, z2 / 2, -z / 2, 0.25},
         [ExplicitRungeKutta4] = {-z, z2 / 2, -z3 / 6, z4 / 24, (z - z3) / 24, z2 / 48 - 1.0 / 72, -z / 144,
                                  1.0 / 576}};
-    const double *leading = growth[method];
+    const double *leading = growth[p->method];
     while (*leading == 0.0) leading++;
     if (*leading > 0.0) return 0.0;
     double stable = 0.0, unstable = 4.0; /* |R| > 1 for every method and damping at |h*lambda| = 4 */
@@ -163,17 +153,16 @@ double stability_limit(Method method, const Pendulum *p) {
         const double middle = 0.5 * (stable + unstable);
         if (!(stable < middle && middle < unstable)) return stable / w0;
         double value = 0.0;
-        for (int i = 7; i >= 0; i--) value = value * middle + growth[method][i];
+        for (int i = 7; i >= 0; i--) value = value * middle + growth[p->method][i];
         *(value <= 0.0 ? &stable : &unstable) = middle;
     }
 }
 
-double unique_root_limit(Method method, const Pendulum *p) {
-    if (method != ImplicitEuler || p->w02 == 0.0) return INFINITY;
+double longest_substep(const Pendulum *p, double wanted) {
+    if (p->method != ImplicitEuler || p->w02 == 0.0) return wanted;
     const double w0 = sqrt(fabs(p->w02)), half = p->damping_rate / (2.0 * w0);
-    return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9);
+    return fmin(wanted, (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9));
 }
-
 double substeps(double time, double duration, double max_step) {
     /* Importers form the step as a difference of times; the rounding noise of those adds no substep. */
     const double noise = 4.0 * DBL_EPSILON * (fabs(time) + duration), n = (duration - noise) / max_step;

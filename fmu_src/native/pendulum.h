@@ -4,50 +4,38 @@
  *     J*der(w) = tau - gamma*L^2*w - m*g*L*sin(phi),   der(phi) = w,   J = m*L^2
  *
  * phi [rad] counts from the downward vertical; w [rad/s]; t [s] counts from the beginning of a communication step. */
-
 #ifndef PENDULUM_H
 #define PENDULUM_H
 
 #include <stdint.h>
-
 #include "interface.h"
 
 enum { MAX_INPUT_ORDER = 3 }; /* of the derivatives of tau; with these no method loses any of its order, 4 at most */
 
 typedef struct {
-    double m, L, gamma, g;             /* mass [kg], length [m], drag coefficient [N.s/m], gravity [m/s2] */
-    double J;                          /* moment of inertia about the pivot [kg.m2] */
-    double damping_rate;               /* gamma/m [1/s] */
-    double w02;                        /* g/L [rad/s2] */
+    double m, L, g, J;                 /* mass [kg], length [m], gravity [m/s2], moment of inertia [kg.m2] */
+    double damping_rate, w02;          /* gamma/m [1/s], g/L [rad/s2] */
     double drive[MAX_INPUT_ORDER + 1]; /* tau/J as a polynomial in t: its coefficients [rad/s2, rad/s3, ...] */
     int order;                         /* of the polynomial; 0: the torque is held */
+    Method method;                     /* of integration */
 } Pendulum;
 
-/* Pendulum under the torque tau [N.m] with derivatives of order 1, 2, ... at t = 0 [N.m/s, N.m/s2, ...]. */
-Pendulum pendulum(double m, double L, double gamma, double g, double tau, const double derivatives[MAX_INPUT_ORDER]);
-
+/* The pendulum of the variables `values`; the torque has the `derivatives` of order 1, 2, ... [N.m/s, N.m/s2, ...]. */
+Pendulum pendulum(const double values[VARIABLE_COUNT], const double derivatives[MAX_INPUT_ORDER]);
 /* der(w) [rad/s2]. */
 double acceleration(const Pendulum *p, double t, double phi, double w);
-
 /* Mechanical energy [J], 0 at rest in the lowest point. */
 double energy(const Pendulum *p, double phi, double w);
-
 /* First or second derivative of `output` (phi, w, a, E) with respect to time at t = 0. */
 double time_derivative(const Pendulum *p, double phi, double w, int output, int order);
-
 /* Partial derivative of `output` (phi, w, a, E) with respect to `known` (phi, w, tau) at t = 0. */
 double partial_derivative(const Pendulum *p, double phi, double w, int output, int known);
-
-/* Integrate over the substeps first, ..., first + n - 1 of h [s], as long as the state is finite; return the evaluations
- * of the acceleration. */
-int64_t integrate(Method method, const Pendulum *p, double *phi, double *w, double h, int64_t first, int64_t n);
-
+/* Integrate over the substeps first, ..., first + n - 1 of h [s] while the state is finite; return the evaluations. */
+int64_t integrate(const Pendulum *p, double *phi, double *w, double h, int64_t first, int64_t n);
 /* Largest substep [s] that is stable for small swings; 0: none is, INFINITY: every one is. */
-double stability_limit(Method method, const Pendulum *p);
-
-/* Substep [s] below which the equation of a substep has a single root; INFINITY for explicit methods. */
-double unique_root_limit(Method method, const Pendulum *p);
-
+double stability_limit(const Pendulum *p);
+/* Largest substep [s] up to `wanted` whose equation has a single root, which limits the implicit method alone. */
+double longest_substep(const Pendulum *p, double wanted);
 /* Number of equal substeps, none longer than max_step [s], of a communication step of `duration` [s] from `time` [s];
  * a whole number up to MAX_SUBSTEPS. */
 double substeps(double time, double duration, double max_step);
