@@ -76,7 +76,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         self._max_step: float
         self._values: list[Any] = [variable.start for variable in VARIABLES]
         self._mode = "instantiated"
-        self._latest_end = sys.float_info.max
+        self._latest_end = inf
         self._nfev = 0
         self._begin()
         outputs: dict[str, Callable[[], float]] = {
@@ -111,8 +111,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             )
         if stop_time is not None:
             # Importers that add up their steps arrive a little beyond it; FMPy allows itself a relative 1e-9.
-            latest_end = stop_time + 2e-9 * max(abs(start_time), abs(stop_time))
-            self._latest_end = min(latest_end, sys.float_info.max)
+            self._latest_end = stop_time + 2e-9 * max(abs(start_time), abs(stop_time))
 
     def enter_initialization_mode(self) -> None:
         """Enter initialization; the parameters may still be set."""
@@ -146,7 +145,9 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         True; a step that cannot be carried out raises, because importers take False for the end of the run
         """
         end = current_time + step_size
-        if self._mode != "stepping" or not (0.0 < step_size < inf and -inf < end <= self._latest_end):
+        if self._mode != "stepping" or not (
+            0.0 < step_size < inf and -inf < end < inf and end <= self._latest_end
+        ):
             self._refuse_step(current_time, step_size)
         tau = self._values[TAU]
         if tau != self._tau_of_motion:

@@ -13,10 +13,9 @@
 
 Pendulum pendulum(const double values[VARIABLE_COUNT], const double derivatives[MAX_INPUT_ORDER]) {
     const double m = values[VR_m], L = values[VR_L], g = values[VR_g];
-    Pendulum p = {.m = m, .L = L, .g = g, .J = m * L * L, .damping_rate = values[VR_gamma] / m, .w02 = g / L};
-    p.method = (Method)values[VR_solver_method];
+    Pendulum p = {.m = m, .L = L, .g = g, .J = m * L * L, .damping_rate = values[VR_gamma] / m, .w02 = g / L,
+                  .drive[0] = values[VR_tau] / (m * L * L), .method = (Method)values[VR_solver_method]};
     double divisor = p.J; /* J*k! */
-    p.drive[0] = values[VR_tau] / p.J;
     for (int k = 1; k <= MAX_INPUT_ORDER; k++) {
         p.drive[k] = derivatives[k - 1] / (divisor *= k);
         if (p.drive[k] != 0.0) p.order = k;
@@ -30,7 +29,7 @@ static double drive_at(const Pendulum *p, double t) {
     return drive;
 }
 double acceleration(const Pendulum *p, double t, double phi, double w) {
-    double a = drive_at(p, t);
+    double a = p->order == 0 ? p->drive[0] : drive_at(p, t);
     if (p->damping_rate != 0.0) a -= p->damping_rate * w;
     if (p->w02 != 0.0) a -= p->w02 * sin(phi);
     return a;
@@ -116,24 +115,25 @@ static int64_t implicit_euler(const Pendulum *p, double t, double h, double *phi
     return evaluations;
 }
 
-int64_t integrate(const Pendulum *given, double *phi, double *w, double h, int64_t first, int64_t n) {
+static inline int64_t substeps_of(int64_t (*step)(const Pendulum *, double, double, double *, double *),
+                                  const Pendulum *given, double *phi, double *w, double h, int64_t first, int64_t n) {
     const Pendulum p = *given; /* a copy that no call can change */
     double x = *phi, v = *w;
     int64_t nfev = 0;
-    for (int64_t i = first; i < first + n && isfinite(x) && isfinite(v); i++) {
-        const double t = (double)i * h;
-        switch (p.method) {
-        case ExplicitEuler: nfev += explicit_euler(&p, t, h, &x, &v); break;
-        case ExplicitMidPoint2: nfev += explicit_midpoint2(&p, t, h, &x, &v); break;
-        case ExplicitRungeKutta4: nfev += explicit_runge_kutta4(&p, t, h, &x, &v); break;
-        case ImplicitEuler: nfev += implicit_euler(&p, t, h, &x, &v); break;
-        }
-    }
+    for (int64_t i = first; i < first + n && isfinite(x) && isfinite(v); i++) nfev += step(&p, (double)i * h, h, &x, &v);
     *phi = x;
     *w = v;
     return nfev;
 }
-
+/* A loop for each method: a choice in the loop would cost a tenth. */
+int64_t integrate(const Pendulum *p, double *phi, double *w, double h, int64_t first, int64_t n) {
+    switch (p->method) {
+    case ExplicitEuler: return substeps_of(explicit_euler, p, phi, w, h, first, n);
+    case ExplicitMidPoint2: return substeps_of(explicit_midpoint2, p, phi, w, h, first, n);
+    case ExplicitRungeKutta4: return substeps_of(explicit_runge_kutta4, p, phi, w, h, first, n);
+    default: return substeps_of(implicit_euler, p, phi, w, h, first, n);
+    }
+}
 double stability_limit(const Pendulum *p) {
     const double k = p->damping_rate, w0 = sqrt(fabs(p->w02)), ratio = w0 / k;
     if (p->method == ImplicitEuler || (k == 0.0 && w0 == 0.0)) return INFINITY;
