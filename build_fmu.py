@@ -259,7 +259,7 @@ def method_rows() -> list[Sequence[str]]:
         limits = [stability_limit(method, rate, w02) for rate in (0.0, damping_rate)]
         stiff = "any step" if known.real_limit == inf else f"{known.real_limit:.4g} m/gamma"
         shown = ["any step" if h == inf else "no step" if h == 0 else f"{h:.4g} s" for h in limits]
-        stages = "2 or more (Newton)" if known.stages is None else str(known.stages)
+        stages = "1 or more (Newton)" if known.stages is None else str(known.stages)
         rows.append((str(method.value), method.name, str(known.order), stages, *shown, stiff))
     return rows
 
@@ -386,7 +386,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except native.CompilerError as error:
         parser.error(f"--native: {error}")
     except OSError as error:
-        parser.error(f"--output {output}: {error.strerror}")
+        parser.error(f"--output {output}: {error.strerror} ({error.filename})")
     return 0
 
 

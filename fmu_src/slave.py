@@ -25,11 +25,11 @@ from damped_pendulum.fmi2 import (
 from damped_pendulum.inline import inlined
 from damped_pendulum.interface import (
     AUTHOR,
+    COMMUNICATION_STEP,
     DESCRIPTION,
     LICENSE,
     MODEL_NAME,
     START_TIME,
-    STEP_SIZE,
     STOP_TIME,
     VARIABLES,
     VERSION,
@@ -47,7 +47,6 @@ from damped_pendulum.solvers import (
 
 VALUE_REFERENCE = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
 TAU = VALUE_REFERENCE["tau"]
-STEP_SIZE_VR = VALUE_REFERENCE["solver.stepSize"]
 NFEV_MAX = 2**31 - 1  # fmi2Integer has 32 bits
 STATE_FORMAT = f"{MODEL_NAME} {VERSION}"
 
@@ -63,7 +62,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
     description = DESCRIPTION
     license = LICENSE
     version = VERSION
-    default_experiment = DefaultExperiment(START_TIME, STOP_TIME, STEP_SIZE)
+    default_experiment = DefaultExperiment(START_TIME, STOP_TIME, COMMUNICATION_STEP)
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -292,7 +291,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         self._method = SolverMethod(self._value("solver.method"))
         self._limit = stability_limit(self._method, motion.damping_rate, motion.w02)
         self._max_step = min(
-            self._values[STEP_SIZE_VR],
+            self._value("solver.stepSize"),
             unique_root_limit(self._method, motion.damping_rate, motion.w02),
         )
 

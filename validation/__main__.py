@@ -14,6 +14,8 @@ from . import report, studies
 from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
 from .results import Plot, Result
 
+LEADING = ("work_precision", "stability")  # studies with a picture at the top of the report
+
 
 class Parser(argparse.ArgumentParser):
     """Command line whose errors are one line and exit status 2."""
@@ -40,11 +42,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="write the leading picture of the chosen studies, too",
     )
     options = parser.parse_args(arguments)
-    for name in options.studies:
+    chosen = list(dict.fromkeys(options.studies)) or studies.NAMES
+    for name in chosen:
         if name not in studies.NAMES:
             parser.error(f"unknown study {name!r} (allowed: {known})")
-    if options.output.exists() and not options.output.is_dir():
-        parser.error(f"--output {options.output}: must be a directory")
+    if options.picture is not None and not set(chosen) & set(LEADING):
+        parser.error(f"--picture: the chosen studies have no leading picture (allowed: {', '.join(LEADING)})")
+    try:
+        options.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"--output {options.output}: must be a directory ({error.strerror})")
     drawable = find_spec("matplotlib") is not None
     if options.picture is not None and not drawable:
         parser.error("--picture needs matplotlib: pip install '.[report]'")
@@ -54,15 +61,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         pictures = False
     try:
         with Fmu(options.fmu) as fmu:
-            sections = list(run_studies(fmu, options.studies or studies.NAMES))
+            sections = list(run_studies(fmu, chosen))
     except UnusableFmuError as error:
         parser.error(str(error))
     page = report.write(sections, options.output, options.fmu, pictures)
     if options.picture is not None:
-        plots = [r for section in sections for r in section.results if isinstance(r, Plot) and r.headline]
-        if not plots:
-            parser.error("--picture: only work_precision and stability have a leading picture")
-        options.picture.write_bytes(report.draw(plots[0]))
+        plots = (r for section in sections for r in section.results if isinstance(r, Plot) and r.headline)
+        options.picture.write_bytes(report.draw(next(plots)))
     print(f"\n{report.summary(sections)}\nreport: {page}")
     return 0 if all(check.holds for section in sections for check in section.checks) else 1
 

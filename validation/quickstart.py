@@ -35,6 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="draw a picture, too (default: report/quickstart.png)",
     )
     options = parser.parse_args(arguments)
+    if options.plot is not None and options.plot.suffix != ".png":
+        parser.error(f"--plot {options.plot}: must be a file that ends in .png")
     if options.plot is not None and find_spec("matplotlib") is None:
         parser.error("--plot needs matplotlib: pip install '.[report]'")
     try:

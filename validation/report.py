@@ -13,13 +13,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from .results import Check, Note, Plot, Result, Table
 
 PACKAGES = ("pythonfmu", "fmpy", "numpy", "scipy")
 CHECK_COLUMNS = ("check", "measured", "", "bound", "unit", "margin", "verdict", "reason of the bound")
-GREYS = ("#000000", "#1f5fa8", "#b8451b", "#5a8f2f", "#7a4ea3", "#8a8a8a", "#c49a00", "#2a9a9a")
+COLOURS = ("#000000", "#1f5fa8", "#b8451b", "#5a8f2f", "#7a4ea3", "#8a8a8a", "#c49a00", "#2a9a9a")
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object
 
 def _page(sections: Sequence[Section], fmu: Path, drawn: dict[int, bytes]) -> str:
     results = [result for section in sections for result in section.results]
-    top = [r for r in results if isinstance(r, Plot | Note) and r.headline]
+    top = [r for r in results if is_headline(r)]
     failing = [check_row(c) for s in sections for c in s.checks if not c.holds]
     parts = [
         "<!DOCTYPE html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n",
@@ -130,8 +130,13 @@ def _page(sections: Sequence[Section], fmu: Path, drawn: dict[int, bytes]) -> st
         parts.append(f"<p><code>{html.escape(section.formula)}</code></p>\n")
         if section.checks:
             parts.append(_html_table(CHECK_COLUMNS, [check_row(check) for check in section.checks]))
-        parts += [_html(r, drawn) for r in section.results if not isinstance(r, Check) and r not in top]
+        parts += [_html(r, drawn) for r in section.results if not isinstance(r, Check) and not is_headline(r)]
     return "".join(parts) + "</body>\n</html>\n"
+
+
+def is_headline(result: Result) -> TypeGuard[Plot | Note]:
+    """Return whether a result is shown at the top of the report."""
+    return isinstance(result, Plot | Note) and result.headline
 
 
 def provenance(fmu: Path) -> str:
@@ -179,7 +184,7 @@ def draw(plot: Plot) -> bytes:
         axes.plot(
             curve.x,
             curve.y,
-            color=GREYS[i % len(GREYS)],
+            color=COLOURS[i % len(COLOURS)],
             linestyle=curve.line or "none",
             marker=curve.marker,
             markersize=4,

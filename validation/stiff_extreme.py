@@ -1,4 +1,4 @@
-"""Stiff and extreme cases: tiny and huge values, odd clocks, long horizons, chaos, each with its exact answer."""
+"""Stiff and extreme cases: tiny and huge values, odd clocks, long horizons, chaos, each with its reference."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from .metrics import observed_order, state_error
 from .results import Check, Curve, Note, Plot, Result, Table
 
 TITLE = "Error against run time"
-FORMULA = "error = |(phi, w/w0) - exact|, time = minimum over repeats of the time inside doStep, h = 2^-k s"
+FORMULA = "error = |(phi, w/w0) - exact|, time: minimum of repeats of all doStep calls of a run, h = 2^-k s"
 
 ORDERS = {EULER: 1, MIDPOINT: 2, RK4: 4, IMPLICIT_EULER: 1}
 REPEATS = 3

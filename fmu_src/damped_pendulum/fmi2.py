@@ -177,6 +177,9 @@ def keep_alive(*objects: object) -> None:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
 
 
+_FINALIZED: set[int] = set()  # handles of libraries
+
+
 def finalize_wrapper_at_exit(resources: str) -> None:
     """Let the library beside `resources` release its global state before the process ends.
 
@@ -193,6 +196,3 @@ def finalize_wrapper_at_exit(resources: str) -> None:
     if wrapper._handle not in _FINALIZED:
         _FINALIZED.add(wrapper._handle)
         atexit.register(wrapper.finalizePythonInterpreter)
-
-
-_FINALIZED: set[int] = set()

@@ -196,7 +196,7 @@ VARIABLES = (
 
 DEFAULTS = {variable.name: variable.start for variable in VARIABLES if variable.start is not None}
 
-START_TIME, STOP_TIME, STEP_SIZE = 0.0, 10.0, 0.01  # DefaultExperiment [s]
+START_TIME, STOP_TIME, COMMUNICATION_STEP = 0.0, 10.0, 0.01  # DefaultExperiment [s]
 
 
 def unit_of(variable: Variable) -> str:

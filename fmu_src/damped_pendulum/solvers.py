@@ -26,6 +26,7 @@ from .model import Motion
 Solver = Callable[[Motion, float, float, float, int], tuple[float, float, int]]
 
 MAX_SUBSTEPS = 2**31 - 1
+_QUARTER_ULP = float_info.epsilon / 4.0  # of 1
 
 
 def explicit_euler(motion: Motion, phi: float, w: float, h: float, n: int) -> tuple[float, float, int]:
@@ -144,9 +145,6 @@ def solve_kepler(s: float, c: float) -> tuple[float, int]:
         x = new
 
 
-_QUARTER_ULP = float_info.epsilon / 4.0
-
-
 class SolverMethod(IntEnum):
     """The methods under the names of the Modelica Language Specification, section 16.8.2; append only."""
 
@@ -218,13 +216,13 @@ def stability_limit(method: SolverMethod, damping_rate: float, w02: float) -> fl
     k2 = `damping_rate` [1/s] >= 0. With w02 < 0 [1/s2] the stable equilibrium is the upright position. The
     result is 0 where no step is stable and inf where every step is. Large swings can ask for less.
     """
-    _, _, _, real_limit, growth, _ = METHODS[method]
-    if growth is None or (damping_rate == 0.0 and w02 == 0.0):
+    known = METHODS[method]
+    if known.growth is None or (damping_rate == 0.0 and w02 == 0.0):
         return inf
     w0 = sqrt(abs(w02))
     if damping_rate >= 2.0 * w0:
-        return real_limit / (damping_rate * (0.5 + sqrt(0.25 - (w0 / damping_rate) ** 2)))
-    coefficients = growth(damping_rate / w0)
+        return known.real_limit / (damping_rate * (0.5 + sqrt(0.25 - (w0 / damping_rate) ** 2)))
+    coefficients = known.growth(damping_rate / w0)
     leading = next(c for c in coefficients if c != 0.0)
     if leading > 0.0:
         return 0.0
