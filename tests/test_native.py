@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from math import inf, isfinite, log2, nan, pi
 from pathlib import Path
+from statistics import median
 from time import perf_counter
 from typing import Any
 from xml.etree import ElementTree
@@ -939,15 +940,9 @@ def test_random_calls_find_no_fault_under_the_sanitizers(folder: Path, tmp_path:
 # Speed: ratios of minima of interleaved repeats in one run, because the machine is noisy
 
 
-def times(*calls: Callable[[], Any], repeats: int = 15) -> list[float]:
-    """Return the shortest time of each call."""
-    taken: list[list[float]] = [[] for _ in calls]
-    for _ in range(repeats):
-        for kept, call in zip(taken, calls, strict=True):
-            begin = perf_counter()
-            call()
-            kept.append(perf_counter() - begin)
-    return [min(kept) for kept in taken]
+def ratio(numerator: Callable[[], float], denominator: Callable[[], float], rounds: int = 41) -> float:
+    """Return the median over rounds of the quotient of run times [s]: what else the machine does meets both."""
+    return median(numerator() / denominator() for _ in range(rounds))
 
 
 @pytest.fixture(scope="module")
@@ -959,15 +954,17 @@ def with_python(fmu_path: Path) -> Iterator[FMU2Slave]:
     shutil.rmtree(folder)
 
 
-def steps(slave: FMU2Slave, count: int, step: float) -> None:
-    """Run the default pendulum with a torque, which lets every term act, over `count` steps."""
+def steps(slave: FMU2Slave, count: int, step: float) -> float:
+    """Run the default pendulum with a torque, which lets every term act; return the time [s] of its `count` steps."""
     slave.reset()
     slave.setupExperiment(startTime=0.0)
     slave.setReal([VR["tau"]], [0.1])
     slave.enterInitializationMode()
     slave.exitInitializationMode()
+    begin = perf_counter()
     for i in range(count):
         slave.doStep(i * step, step)
+    return perf_counter() - begin
 
 
 @needs_compiler
@@ -980,19 +977,21 @@ def test_a_substep_costs_a_tenth_and_no_more_than_a_bare_loop(
     subprocess.run(command, check=True)
     loop = ctypes.CDLL(str(library)).native_loop
     loop.argtypes, loop.restype = [ctypes.c_double] * 6 + [ctypes.c_int], ctypes.c_double
-    in_c, in_python, bare = times(
-        lambda: steps(instance, 1, n * 1e-3),
-        lambda: steps(with_python, 1, n * 1e-3),
-        lambda: loop(0.1, 0.002, 9.80665, pi / 6, 0.0, 1e-3, n),
-    )
-    assert (
-        loop(0.1, 0.002, 9.80665, pi / 6, 0.0, n * 1e-3 / n, n) == instance.get("phi")[0]
-    )  # the same arithmetic
-    assert in_c <= in_python / 10
-    assert in_c <= 1.25 * bare
+
+    def in_c() -> float:
+        return steps(instance, 1, n * 1e-3)
+
+    def in_bare_loop() -> float:
+        begin = perf_counter()
+        loop(0.1, 0.002, 9.80665, pi / 6, 0.0, 1e-3, n)
+        return perf_counter() - begin
+
+    assert ratio(lambda: steps(with_python, 1, n * 1e-3), in_c) >= 10
+    assert ratio(in_c, in_bare_loop) <= 1.25
+    # The same arithmetic, to the last bit.
+    assert loop(0.1, 0.002, 9.80665, pi / 6, 0.0, n * 1e-3 / n, n) == instance.get("phi")[0]
 
 
 @pytest.mark.slow
 def test_a_step_of_100_substeps_costs_a_seventh(instance: FMU2Instance, with_python: FMU2Slave) -> None:
-    in_c, in_python = times(lambda: steps(instance, 200, 0.1), lambda: steps(with_python, 200, 0.1))
-    assert in_c <= in_python / 7
+    assert ratio(lambda: steps(with_python, 200, 0.1), lambda: steps(instance, 200, 0.1)) >= 7

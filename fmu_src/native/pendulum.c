@@ -120,14 +120,14 @@ static inline int64_t substeps_of(int64_t (*step)(const Pendulum *, double, doub
     const Pendulum p = *given; /* a copy that no call can change */
     double x = *phi, v = *w;
     int64_t nfev = 0;
-    for (int64_t i = first; i < first + n && isfinite(x) && isfinite(v); i++) nfev += step(&p, (double)i * h, h, &x, &v);
+    for (int64_t i = first; i < first + n && isfinite(x) && isfinite(v); i++)
+        nfev += step(&p, (double)i * h, h, &x, &v);
     *phi = x;
     *w = v;
     return nfev;
 }
-/* A loop for each method: a choice in the loop would cost a tenth. */
 int64_t integrate(const Pendulum *p, double *phi, double *w, double h, int64_t first, int64_t n) {
-    switch (p->method) {
+    switch (p->method) { /* a loop for each method: a choice in the loop would cost a tenth */
     case ExplicitEuler: return substeps_of(explicit_euler, p, phi, w, h, first, n);
     case ExplicitMidPoint2: return substeps_of(explicit_midpoint2, p, phi, w, h, first, n);
     case ExplicitRungeKutta4: return substeps_of(explicit_runge_kutta4, p, phi, w, h, first, n);
