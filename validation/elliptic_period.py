@@ -10,7 +10,7 @@ import numpy as np
 
 from . import references
 from .fmu import EULER, IMPLICIT_EULER, METHOD_NAMES, MIDPOINT, RK4, W02, Experiment, Fmu, G
-from .metrics import observed_order, state_error, upward_crossings
+from .metrics import observed_order, phase_and_drift, state_error, upward_crossings
 from .results import Check, Curve, Plot, Result, Table
 
 TITLE = "Elliptic period"
@@ -104,10 +104,7 @@ def _period(fmu: Fmu, scene: PeriodScene) -> Iterator[Result]:
     amplitude = radians(scene.amplitude)
     exact = references.period(amplitude, scene.g)
     fine, coarse, coarser = (measured_period(fmu, amplitude, scene.g, n * SUBSTEP) for n in (1, 2, 4))
-    # The method's phase error grows like h^4; its amplitude drifts like h^5, which changes the period. Differences of
-    # the three runs give both: coarse - fine = 15*phase + 31*drift, and 16 and 32 times that one step further.
-    phase = (32 * (coarse - fine) - (coarser - coarse)) / (16 * 15)
-    drift = ((coarser - coarse) - 16 * (coarse - fine)) / (16 * 31)
+    phase, drift = phase_and_drift(fine, coarse, coarser)  # the drift of the amplitude changes the period
     truncation = abs(phase) + abs(drift)
     # The roundings of phi walk randomly during the time 1/w0 for which the pendulum remembers its amplitude.
     wander = ulp(amplitude) * sqrt(1 / (SUBSTEP * sqrt(scene.g)))

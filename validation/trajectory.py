@@ -12,7 +12,7 @@ from scipy.special import ellipj, ellipk
 
 from . import references
 from .fmu import W0, W02, Experiment, Fmu, Run
-from .metrics import observed_order, state_error
+from .metrics import observed_order, phase_and_drift, state_error
 from .results import Check, Curve, Plot, Result
 
 TITLE = "Trajectory against elliptic functions"
@@ -132,16 +132,10 @@ def _simulate(fmu: Fmu, scene: Scene, substep: float) -> Run:
 
 
 def _truncation(fine: Run, coarse: Run, coarser: Run) -> float:
-    """Return the truncation error [rad] of the finest run, from the differences of three runs at h, 2h and 4h.
-
-    The error is P*h^4 + D*h^5: the phase error, and the drift of the energy. coarse - fine = 15*P + 31*D, and
-    coarser - coarse = 16*15*P + 32*31*D.
-    """
+    """Return the truncation error [rad] of the finest run, from three runs at h, 2h and 4h."""
     total = np.zeros_like(fine.t)
     for name, scale in (("phi", 1.0), ("w", W0)):
-        near, far = coarse[name] - fine[name], coarser[name] - coarse[name]
-        phase = (32 * near - far) / (16 * 15)
-        drift = (far - 16 * near) / (16 * 31)
+        phase, drift = phase_and_drift(fine[name], coarse[name], coarser[name])
         total += ((np.abs(phase) + np.abs(drift)) / scale) ** 2
     return float(np.sqrt(np.max(total)))
 
