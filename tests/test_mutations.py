@@ -25,7 +25,7 @@ MUTATIONS = {
         "return Motion(self.gamma / self.m,",
         "return Motion((self.gamma / self.m) ** 0.5,",
     ),
-    "dropped torque": ("damped_pendulum/model.py", "tau / self.J", "0.0 * tau"),
+    "dropped torque": ("damped_pendulum/model.py", "drive = tau / J", "drive = 0.0 * tau"),
     "third-order weights": (
         "damped_pendulum/solvers.py",
         "w += sixth * (a123 + a23 + a4)",

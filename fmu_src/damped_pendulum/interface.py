@@ -11,6 +11,7 @@ from math import pi, ulp
 from sys import float_info
 from types import MappingProxyType
 from typing import NamedTuple
+from zlib import crc32
 
 from .solvers import METHODS, SolverMethod
 
@@ -202,3 +203,14 @@ START_TIME, STOP_TIME, COMMUNICATION_STEP = 0.0, 10.0, 0.01  # DefaultExperiment
 def unit_of(variable: Variable) -> str:
     """Return the unit of `variable`, "" where it has none."""
     return next((type_.unit for type_ in TYPES if type_.name == variable.type), "")
+
+
+def state_format(model: str) -> str:
+    """Return the origin that a saved state names: model, version and a digest of what its values mean."""
+    rows = (
+        f"{variable.name} {variable.type} {unit_of(variable)} {variable.causality} "
+        f"{variable.range.text if variable.range else ''}"
+        for variable in VARIABLES
+    )
+    methods = (f"{method.name} {method.value}" for method in SolverMethod)
+    return f"{model} {VERSION} {crc32(chr(10).join((*rows, *methods)).encode()):08x}"

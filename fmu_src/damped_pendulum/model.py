@@ -12,7 +12,8 @@ Divided by J this is Grillo, "Exercise: the pendulum", with k^2 = gamma/m and om
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite, sin
+from math import copysign, frexp, inf, isfinite, ldexp, sin
+from sys import float_info
 from typing import NamedTuple
 
 Acceleration = Callable[[float, float], float]
@@ -70,11 +71,22 @@ class Pendulum(NamedTuple):
     @property
     def J(self) -> float:
         """Moment of inertia about the pivot [kg.m2]."""
-        return self.m * self.L * self.L
+        m, m_power = frexp(self.m)
+        L, L_power = frexp(self.L)
+        return scaled(m * L * L, m_power + 2 * L_power)
 
     def motion(self, tau: float = 0.0) -> Motion:
         """Return the terms of der(w) under the torque `tau` [N.m]."""
-        return Motion(self.gamma / self.m, self.g / self.L, tau / self.J)
+        moment = self.m * self.L
+        J = moment * self.L
+        if float_info.min <= moment and float_info.min <= J < inf:
+            drive = tau / J
+        else:
+            m, m_power = frexp(self.m)
+            L, L_power = frexp(self.L)
+            torque, power = frexp(tau)
+            drive = scaled(torque / (m * L * L), power - m_power - 2 * L_power)
+        return Motion(self.gamma / self.m, self.g / self.L, drive + 0.0)  # -0.0 becomes 0.0
 
     def out_of_range(self) -> list[str]:
         """Return what cannot be computed with although each parameter by itself is allowed."""
@@ -96,5 +108,32 @@ class Pendulum(NamedTuple):
 
         m*g*L*(1 - cos(phi)) is written as 2*m*g*L*sin(phi/2)^2, which keeps its digits at small angles.
         """
-        half = sin(phi / 2.0)
-        return 0.5 * self.J * w * w + 2.0 * self.m * self.g * self.L * (half * half)
+        m, m_power = frexp(self.m)
+        L, L_power = frexp(self.L)
+        g, g_power = frexp(self.g)
+        rate, w_power = frexp(w)
+        half, half_power = frexp(sin(phi / 2.0))
+        kinetic = 0.5 * (m * L * L) * rate * rate
+        potential = 2.0 * m * g * L * (half * half)
+        kinetic_power = m_power + 2 * (L_power + w_power)
+        potential_power = m_power + g_power + L_power + 2 * half_power
+        if kinetic == 0.0:
+            return scaled(potential, potential_power)
+        if potential == 0.0:
+            return scaled(kinetic, kinetic_power)
+        power = max(kinetic_power, potential_power)
+        return scaled(
+            ldexp(kinetic, kinetic_power - power) + ldexp(potential, potential_power - power), power
+        )
+
+
+def scaled(value: float, power: int) -> float:
+    """Return value*2^power, infinite beyond the range of a double.
+
+    Products of mantissas alone neither overflow nor lose digits; their powers of two are joined here, at the end. The
+    bits are those of the plain product where that does neither.
+    """
+    try:
+        return ldexp(value, power)
+    except OverflowError:
+        return copysign(inf, value)
