@@ -45,14 +45,10 @@ DEFAULT_OUTPUT = ROOT / "dist" / f"{interface.MODEL_NAME}.fmu"
 NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
 SCRIPT = """\
-from {package} import slave
 from {package}.fmi2 import keep_alive
+from {package}.slave import {model}
 
 keep_alive(globals())  # pythonfmu 0.7 releases the names of this script once too often with every instance
-
-
-class {model}(slave.{model}):
-    __doc__ = slave.{model}.__doc__
 """
 NAMESPACE = uuid.UUID("5f0c5b1e-5d5c-4f0e-9b0a-3d9d3c1a7e42")  # of the GUIDs of this project
 

@@ -8,7 +8,10 @@ import zlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from math import inf, isfinite, nan
+from itertools import repeat
+from math import inf, isfinite, isnan, nan
+from operator import attrgetter
+from sys import float_info
 from typing import Any, NoReturn
 from xml.etree.ElementTree import Element
 
@@ -16,9 +19,9 @@ from pythonfmu import Boolean, DefaultExperiment, Fmi2Slave, Integer, Real, Stri
 from pythonfmu.enums import Fmi2Status
 
 from damped_pendulum.fmi2 import (
+    TYPE_OF,
     complete,
     describe,
-    finalize_wrapper_at_exit,
     keep_alive,
     scalar_variable,
 )
@@ -34,6 +37,7 @@ from damped_pendulum.interface import (
     VARIABLES,
     VERSION,
     Variable,
+    state_format,
 )
 from damped_pendulum.model import Pendulum
 from damped_pendulum.solvers import (
@@ -48,11 +52,17 @@ from damped_pendulum.solvers import (
 VALUE_REFERENCE = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
 TAU = VALUE_REFERENCE["tau"]
 NFEV_MAX = 2**31 - 1  # fmi2Integer has 32 bits
-STATE_FORMAT = f"{MODEL_NAME} {VERSION}"
+STATE_FORMAT = state_format(MODEL_NAME)
+MODES = ("instantiated", "initialization", "stepping", "terminated")
 
 
 class FmuError(Exception):
     """An FMI call that cannot be carried out; the state of the instance is the one before the call."""
+
+    # The wrapper of pythonfmu logs the repr of an exception: here the sentence, by a function of C, which no interrupt
+    # can hit. The log queue is no way to tell an error: the wrapper empties it while the exception is pending, and a
+    # host in Python cannot run in that state (from Python 3.13 on).
+    __repr__ = BaseException.__str__
 
 
 class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
@@ -66,37 +76,28 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        finalize_wrapper_at_exit(self.resources or "")
+        keep_alive(self, self.log_queue)
+        # An interrupt cannot hit a function of C; the wrapper does not expect one here.
+        self._get_log_queue = repeat(self.log_queue).__next__
         self._phi: float
         self._w: float
+        self._nfev: int
         self._pendulum: Pendulum
         self._tau_of_motion: float | None  # the torque that `_motion` was made for
         self._solve: Solver
         self._max_step: float
         self._values: list[Any] = [variable.start for variable in VARIABLES]
         self._mode = "instantiated"
-        self._latest_end = inf
-        self._nfev = 0
+        self._start_time, self._stop_time = 0.0, inf
         self._begin()
-        outputs: dict[str, Callable[[], float]] = {
-            "phi": lambda: self._phi,
-            "w": lambda: self._w,
-            "a": partial(self._computed, "a", self._acceleration),
-            "E": partial(self._computed, "E", self._energy),
-            "solver.nfev": lambda: min(self._nfev, NFEV_MAX),
-        }
-        self._readers: dict[type, dict[int, Callable[[], Any]]] = {
-            kind: {} for kind in (Real, Integer, Boolean, String)
-        }
-        for vr, variable in enumerate(VARIABLES):
-            registered = scalar_variable(variable)
-            registered.getter = outputs.get(variable.name, partial(self._values.__getitem__, vr))
-            self.register_variable(registered, nested=False)
-            kind = Real if isinstance(registered, Real) else Integer
-            self._readers[kind][vr] = registered.getter
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return modelDescription.xml as an element tree."""
+        readers = READERS[Real] | READERS[Integer]
+        for vr, variable in enumerate(VARIABLES):
+            registered = scalar_variable(variable)
+            registered.getter = partial(readers[vr], self)
+            self.register_variable(registered, nested=False)
         return complete(super().to_xml(model_options or {}))
 
     def setup_experiment(
@@ -108,9 +109,8 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             self._fail(
                 f"startTime = {start_time!r} s must be finite and not beyond stopTime = {stop_time!r} s"
             )
-        if stop_time is not None:
-            # Importers that add up their steps arrive a little beyond it; FMPy allows itself a relative 1e-9.
-            self._latest_end = stop_time + 2e-9 * max(abs(start_time), abs(stop_time))
+        self._start_time = float(start_time)
+        self._stop_time = inf if stop_time is None else float(stop_time)
 
     def enter_initialization_mode(self) -> None:
         """Enter initialization; the parameters may still be set."""
@@ -120,21 +120,14 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
     def exit_initialization_mode(self) -> None:
         """Check the parameters, all problems in one message, and warn of an unstable step size."""
         self._require("initialization", "fmi2ExitInitializationMode")
-        problems = [
-            describe(variable, value)
-            for variable, value in zip(VARIABLES, self._values, strict=True)
-            if variable.causality == "parameter" and not variable.allows(value)
-        ] or self._pendulum.out_of_range()
+        problems = _problems(self._values)
         if problems:
             self._fail("cannot initialize: " + "; ".join(problems))
         self._mode = "stepping"
         self._choose_solver()
         if self._max_step > self._limit:
-            self.log(
-                f"solver.stepSize = {self._max_step!r} s is unstable: {self._advice(self._max_step)}",
-                Fmi2Status.warning,
-                "logStatusWarning",
-            )
+            warning = f"solver.stepSize = {self._max_step!r} s is unstable: {self._advice(self._max_step)}"
+            self.log(_for_log(warning), Fmi2Status.warning, "logStatusWarning")
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Integrate from `current_time` over `step_size` [s] with the torque held.
@@ -145,28 +138,28 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         """
         end = current_time + step_size
         if self._mode != "stepping" or not (
-            0.0 < step_size < inf and -inf < end < inf and end <= self._latest_end
+            0.0 < step_size < inf and -inf < end < inf and end <= self._stop_time
         ):
-            self._refuse_step(current_time, step_size)
+            self._check_step(current_time, step_size)
         tau = self._values[TAU]
         if tau != self._tau_of_motion:
             if not isfinite(tau):
                 self._fail(f"no step from t = {current_time!r} s: {describe(VARIABLES[TAU], tau)}")
-            self._motion, self._tau_of_motion = self._pendulum.motion(tau), tau
-            self._solve = inlined(METHODS[self._method].solver, self._motion)
+            motion = self._pendulum.motion(tau)
+            solve = inlined(METHODS[self._method].solver, motion)
+            self._motion, self._solve, self._tau_of_motion = motion, solve, tau
         try:
             n = substeps(current_time, step_size, self._max_step)
             phi, w, nfev = self._solve(self._motion, self._phi, self._w, step_size / n, n)
         except OverflowError as error:
-            self._fail(f"no step from t = {current_time!r} s: {error}")
+            self._fail(str(error))
         except ValueError:  # math.sin(inf)
             self._report_divergence(current_time, step_size / n)
         except (KeyboardInterrupt, MemoryError) as error:
             self._fail(f"no step from t = {current_time!r} s: {type(error).__name__}")
         if not (isfinite(phi) and isfinite(w)):
             self._report_divergence(current_time, step_size / n)
-        self._phi, self._w = phi, w
-        self._nfev += nfev
+        self._phi, self._w, self._nfev = phi, w, self._nfev + nfev
         return True
 
     def terminate(self) -> None:
@@ -212,19 +205,21 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             "values": list(self._values),
             "phi": self._phi,
             "w": self._w,
-            "nfev": self._nfev,
+            "nfev": self._evaluations(),
             "mode": self._mode,
-            "latest_end": self._latest_end,
+            "start_time": self._start_time,
+            "stop_time": self._stop_time,
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        """Restore what `_get_fmu_state` returned, in this or another instance or process."""
-        if "refused" in state:
-            self._fail(f"cannot restore the state: {state['refused']}")
-        self._values[:] = state["values"]
+        """Restore what `_get_fmu_state` returned, in this or another instance or process, or refuse all of it."""
+        reason = _why_refused(state)
+        if reason is not None:
+            self._fail(f"cannot restore the state: {reason}")
+        self._values = list(state["values"])
         self._begin()
         self._phi, self._w, self._nfev = state["phi"], state["w"], state["nfev"]
-        self._mode, self._latest_end = state["mode"], state["latest_end"]
+        self._mode, self._start_time, self._stop_time = state["mode"], state["start_time"], state["stop_time"]
         if self._mode == "stepping":
             self._choose_solver()
 
@@ -238,32 +233,34 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
     def _fmu_state_from_bytes(data: bytes) -> dict[str, Any]:
         """Return the state of `_fmu_state_to_bytes`, or the reason why it is refused when it is set.
 
-        The refusal waits until then because pythonfmu 0.7 releases the instance once too often after an
-        exception, and a static method does not know which instance to hold.
+        The refusal waits until then because a static method does not know the instance that it would name.
         """
         body = data[8:]
         if not body or data[:8] != f"{zlib.crc32(body):08x}".encode():
             return {"refused": "the bytes are damaged (wrong checksum)"}
-        state: dict[str, Any] = json.loads(body)
-        if state.get("format") != STATE_FORMAT:
-            return {"refused": f"it is of {state.get('format')!r}, this is {STATE_FORMAT!r}"}
-        return state
+        try:
+            state = json.loads(body)
+        except (ValueError, RecursionError):
+            state = None
+        return state if isinstance(state, dict) else {"refused": "the bytes are no state"}
 
     def _get(self, kind: type, vrs: Sequence[int]) -> list[Any]:
-        readers = self._readers[kind]
+        readers = READERS[kind]
         try:
-            return [readers[vr]() for vr in vrs]
+            return [readers[vr](self) for vr in vrs]
         except KeyError as error:
             self._fail(_wrong_reference(error.args[0], kind))
 
     def _set(self, kind: type, vrs: Sequence[int], values: Sequence[Any]) -> None:
         for vr in vrs:
-            if vr not in self._readers[kind]:
+            if vr not in READERS[kind]:
                 self._fail(_wrong_reference(vr, kind))
             if vr != TAU or self._mode == "terminated":
                 self._refuse_unless_settable(VARIABLES[vr])
+        changed = list(self._values)
         for vr, value in zip(vrs, values, strict=True):
-            self._values[vr] = value
+            changed[vr] = value
+        self._values = changed
         if self._mode in ("instantiated", "initialization"):
             self._begin()
 
@@ -283,8 +280,8 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
     def _begin(self) -> None:
         """Take the state from the start values, so that the outputs are right before the first step, too."""
         self._phi, self._w = self._value("phi_start"), self._value("w_start")
-        self._pendulum = Pendulum(*(self._value(name) for name in Pendulum._fields))
-        self._tau_of_motion = None
+        self._pendulum = _pendulum(self._values)
+        self._tau_of_motion, self._nfev = None, 0
 
     def _choose_solver(self) -> None:
         motion = self._pendulum.motion()
@@ -295,12 +292,17 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             unique_root_limit(self._method, motion.damping_rate, motion.w02),
         )
 
+    def _evaluations(self) -> int:
+        return min(self._nfev, NFEV_MAX)
+
     def _acceleration(self) -> float:
-        motion = self._pendulum.motion(self._values[TAU])
-        return motion.acceleration()(self._phi, self._w)
+        def compute() -> float:
+            return self._pendulum.motion(self._values[TAU]).acceleration()(self._phi, self._w)
+
+        return self._computed("a", compute)
 
     def _energy(self) -> float:
-        return self._pendulum.energy(self._phi, self._w)
+        return self._computed("E", lambda: self._pendulum.energy(self._phi, self._w))
 
     def _computed(self, name: str, compute: Callable[[], float]) -> float:
         try:
@@ -312,13 +314,17 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
                 f"{name} is out of the range of a double at phi = {self._phi!r} rad, w = {self._w!r} rad/s, "
                 f"tau = {self._values[TAU]!r} N.m"
             )
-        return value
+        return value + 0.0  # -0.0 becomes 0.0
 
     def _require(self, mode: str, call: str) -> None:
         if self._mode != mode:
             self._fail(f"{call} is allowed in mode {mode} only, the instance is in mode {self._mode}")
 
-    def _refuse_step(self, current_time: float, step_size: float) -> NoReturn:
+    def _check_step(self, current_time: float, step_size: float) -> None:
+        """Refuse a step that cannot be made; one beyond the stop time by the rounding of the host's clock can.
+
+        That clock may add up its steps, and FMPy takes what is within a relative 1e-9 for the stop time.
+        """
         if self._mode != "stepping":
             self._fail(f"no step in mode {self._mode}: initialize the instance first")
         if not 0.0 < step_size < inf:
@@ -326,10 +332,14 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
                 f"no step from t = {current_time!r} s: "
                 f"communicationStepSize = {step_size!r} s (allowed: > 0 and finite)"
             )
-        self._fail(
-            f"no step from t = {current_time!r} s over {step_size!r} s: "
-            f"it must end at a finite time, not beyond the stop time (latest end {self._latest_end!r} s)"
-        )
+        largest = max(abs(self._start_time), abs(self._stop_time))
+        slack = max(4.0 * float_info.epsilon * largest, min(1e-9 * largest, 0.1 * step_size))
+        end = current_time + step_size
+        if not (-inf < end < inf and end <= self._stop_time + slack):
+            self._fail(
+                f"no step from t = {current_time!r} s over {step_size!r} s: "
+                f"it must end at a finite time, not beyond the stop time ({self._stop_time!r} s)"
+            )
 
     def _report_divergence(self, time: float, h: float) -> NoReturn:
         """Fail with the substep that left the range of a double, found by taking them one by one."""
@@ -365,14 +375,100 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         )
 
     def _fail(self, message: str) -> NoReturn:
-        """Give `message` to the log and to stderr, and raise it; no `%`, because importers use it as a format."""
-        keep_alive(self, type(self), self.log_queue)
+        """Raise `message`, which the wrapper logs, and give it to stderr, because a host may show no log."""
         text = f"{self.instance_name}: {message}".replace("%", "percent")
-        self.log(text, Fmi2Status.error, "logStatusError")
         # A host may have no stderr, a closed one or one that cannot write the instance name.
         with suppress(AttributeError, OSError, ValueError):
             sys.stderr.write(text + "\n")
-        raise FmuError(text)
+        raise FmuError(_for_log(text))
+
+
+keep_alive(DampedPendulum)
+
+
+def _value_of(vr: int) -> Callable[[DampedPendulum], Any]:
+    return lambda slave: slave._values[vr]
+
+
+_OUTPUTS: dict[str, Callable[[DampedPendulum], Any]] = {
+    "phi": attrgetter("_phi"),
+    "w": attrgetter("_w"),
+    "a": DampedPendulum._acceleration,
+    "E": DampedPendulum._energy,
+    "solver.nfev": DampedPendulum._evaluations,
+}
+READERS: dict[type, dict[int, Callable[[DampedPendulum], Any]]] = {Boolean: {}, String: {}} | {
+    kind: {
+        vr: _OUTPUTS.get(variable.name, _value_of(vr))
+        for vr, variable in enumerate(VARIABLES)
+        if (variable.type in TYPE_OF) == (kind is Real)
+    }
+    for kind in (Real, Integer)
+}
+
+
+def _for_log(text: str) -> str:
+    """Return `text` for FMI's logger, which takes `%` for a format and `#` for a value reference (2.1.5)."""
+    return text.replace("%", "percent").replace("#", "##")
+
+
+def _pendulum(values: Sequence[Any]) -> Pendulum:
+    return Pendulum(*(values[VALUE_REFERENCE[name]] for name in Pendulum._fields))
+
+
+def _problems(values: Sequence[Any]) -> list[str]:
+    """Return what is wrong with the parameters."""
+    return [
+        describe(variable, value)
+        for variable, value in zip(VARIABLES, values, strict=True)
+        if variable.causality == "parameter" and not variable.allows(value)
+    ] or _pendulum(values).out_of_range()
+
+
+def _is_float(value: object) -> bool:
+    return type(value) is float
+
+
+def _is_of_type(variable: Variable, value: object) -> bool:
+    """Return whether an instance can hold `value`, allowed or not, for `variable`."""
+    if variable.causality == "output":
+        return value is None
+    if variable.type in TYPE_OF:
+        return _is_float(value)
+    return isinstance(value, int) and type(value) is not bool and -(2**31) <= value < 2**31
+
+
+# Entries of a state, and what each can be by itself.
+STATE: dict[str, Callable[[Any], bool]] = {
+    "format": lambda value: value == STATE_FORMAT,
+    "values": lambda value: (
+        isinstance(value, list) and len(value) == len(VARIABLES) and all(map(_is_of_type, VARIABLES, value))
+    ),
+    "phi": _is_float,
+    "w": _is_float,
+    "nfev": lambda value: type(value) is int and 0 <= value <= NFEV_MAX,
+    "mode": lambda value: value in MODES,
+    "start_time": lambda value: _is_float(value) and isfinite(value),
+    "stop_time": lambda value: _is_float(value) and not isnan(value),
+}
+
+
+def _why_refused(state: dict[str, Any]) -> str | None:
+    """Return why no instance can be in `state`, None if one can: a state may come from anywhere."""
+    if "refused" in state:
+        return str(state["refused"])
+    if state.get("format") != STATE_FORMAT:
+        return f"it is of {str(state.get('format'))[:60]!r}, this is {STATE_FORMAT!r}"
+    wrong = [name for name, can_be in STATE.items() if name not in state or not can_be(state[name])]
+    if not wrong and state["start_time"] > state["stop_time"]:
+        wrong = ["stop_time"]
+    if not wrong and state["mode"] in ("instantiated", "initialization"):
+        start = [state["values"][VALUE_REFERENCE[name]] for name in ("phi_start", "w_start")]
+        if repr([state["phi"], state["w"], state["nfev"]]) != repr([*start, 0]):
+            wrong = ["phi, w or nfev before the first step"]
+    if not wrong and state["mode"] == "stepping":
+        wrong = _problems(state["values"]) or [name for name in ("phi", "w") if not isfinite(state[name])]
+    return f"no instance can be in it ({'; '.join(wrong)})" if wrong else None
 
 
 def _wrong_reference(vr: int, kind: type) -> str:

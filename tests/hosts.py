@@ -14,6 +14,7 @@ import sys
 import tempfile
 import zipfile
 from ast import literal_eval
+from contextlib import suppress
 from ctypes import byref, c_char_p, c_double, c_int, c_uint
 from importlib.util import find_spec
 from math import inf, isfinite, isnan, nan
@@ -110,6 +111,56 @@ def fmpy_interrupted(path: Path) -> float:
         with fmu.running() as instance:
             instance.run([0.01 * k for k in range(1001)])
             return instance.get("phi")[0]
+
+
+def fmpy_interrupted_anywhere(path: Path, instances: str) -> float:
+    """Ctrl-C after 3 ms of setting, stepping and reading, 1000 times, in "one" instance or "each" time in a new one."""
+    interrupted = False
+
+    def interrupt(_: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        while frame is not None:
+            if frame.f_code is work.__code__:
+                interrupted = True
+                raise KeyboardInterrupt
+            frame = frame.f_back
+        signal.setitimer(signal.ITIMER_REAL, 0.003)  # the work has not begun
+
+    def work(instance: Instance) -> None:
+        while not interrupted:
+            instance.set("tau", 0.1)
+            instance.step(0.0, 0.01)
+            instance.set("tau", 0.0)
+            instance.step(0.0, 0.01)
+            instance.get_references("Real", [instance.fmu.reference[name] for name in ("phi", "a", "E")])
+            instance.free_state(instance.save())
+
+    signal.signal(signal.SIGALRM, interrupt)
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = Fmu(path, Path(folder))
+        instance = Instance(fmu)
+        instance.initialize()
+        for _ in range(1000):
+            interrupted = False
+            signal.setitimer(signal.ITIMER_REAL, 0.003)
+            # In the host it is raised here; in the FMU it is an error, which stops the saving of a state.
+            with suppress(KeyboardInterrupt, AssertionError):
+                work(instance)
+            instance.log.clear()
+            if instances == "each":
+                instance.free()
+                instance = Instance(fmu)
+                instance.initialize()
+        collect()
+        assert instance.reset() == OK
+        assert instance.initialize() == OK
+        instance.run([0.01 * k for k in range(1001)])
+        (phi,) = instance.get("phi")
+        instance.free()
+        with fmu.running() as other:
+            other.run([0.01 * k for k in range(1001)])
+            assert other.get("phi") == (phi,)
+        return phi
 
 
 def libcosimpy_run(path: Path, start: dict[str, float] | None = None) -> float:

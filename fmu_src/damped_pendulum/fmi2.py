@@ -7,6 +7,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
@@ -171,28 +172,38 @@ def describe(variable: Variable, value: float) -> str:
     return f"{variable.name} = {value!r}{' ' + unit if unit else ''} (allowed: {allowed})"
 
 
+REFERENCES_IN_ADVANCE = 2**29  # below 2^30, from which on Python 3.14 takes an object for immortal
+
+
 def keep_alive(*objects: object) -> None:
-    """Add a reference to each object for the one that pythonfmu 0.7 releases too often after an exception."""
-    for item in objects:
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
+    """Give each object references in advance for those that pythonfmu 0.7 releases too often.
 
-
-_FINALIZED: set[int] = set()  # handles of libraries
-
-
-def finalize_wrapper_at_exit(resources: str) -> None:
-    """Let the library beside `resources` release its global state before the process ends.
-
-    On Linux pythonfmu 0.7 does so in a destructor that runs after those of C++ have freed that state, which now and
-    then aborts the process at its very end. Released early, there is nothing left to free twice.
+    After every exception its wrapper releases the instance, its class and its log queue once more than it holds
+    them, whether the exception is one of ours, Control-C between any two lines, or an argument that the wrapper itself
+    cannot convert. Nothing that runs after the fact sees them all. An object so kept is never freed.
     """
-    if not sys.platform.startswith("linux"):
-        return
-    library = Path(resources).parent / "binaries" / "linux64" / f"{MODEL_NAME}.so"
-    try:
-        wrapper = ctypes.CDLL(str(library), mode=os.RTLD_NOLOAD | os.RTLD_NOW)
-    except OSError:  # used without the wrapper
-        return
-    if wrapper._handle not in _FINALIZED:
-        _FINALIZED.add(wrapper._handle)
-        atexit.register(wrapper.finalizePythonInterpreter)
+    for item in objects:
+        if object.__basicsize__ == 16:  # the count is the first word, as in every CPython but special builds
+            ctypes.c_ssize_t.from_address(id(item)).value += REFERENCES_IN_ADVANCE
+        else:
+            for _ in range(1000):
+                ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
+
+
+def release_wrappers() -> None:
+    """Let the wrappers that are loaded release their global state.
+
+    pythonfmu 0.7 does so in a destructor of its library. When the library is unloaded that is early enough; at the end
+    of the process, on Linux, that destructor runs after those of C++ have freed the state, which now and then aborts
+    the process. Released before, there is nothing left to free twice.
+    """
+    maps = Path("/proc/self/maps").read_text("utf-8", "surrogateescape")
+    paths = {line.removesuffix(" (deleted)").split(maxsplit=5)[-1] for line in maps.splitlines()}
+    for path in paths:
+        if path.endswith(f"/{MODEL_NAME}.so"):
+            with suppress(OSError):  # loaded under another name, and its file is gone
+                ctypes.CDLL(path, mode=os.RTLD_NOLOAD | os.RTLD_NOW).finalizePythonInterpreter()
+
+
+if sys.platform.startswith("linux"):
+    atexit.register(release_wrappers)

@@ -117,10 +117,10 @@ class Pendulum(NamedTuple):
         potential = 2.0 * m * g * L * (half * half)
         kinetic_power = m_power + 2 * (L_power + w_power)
         potential_power = m_power + g_power + L_power + 2 * half_power
-        if kinetic == 0.0:
-            return scaled(potential, potential_power)
         if potential == 0.0:
             return scaled(kinetic, kinetic_power)
+        if kinetic == 0.0:
+            return scaled(potential, potential_power)
         power = max(kinetic_power, potential_power)
         return scaled(
             ldexp(kinetic, kinetic_power - power) + ldexp(potential, potential_power - power), power

@@ -261,13 +261,18 @@ def substeps(time: float, duration: float, max_step: float) -> int:
 
     Raises
     ------
-    OverflowError : more than `MAX_SUBSTEPS` would be needed
+    OverflowError : more than `MAX_SUBSTEPS` would be needed, or that noise exceeds `max_step`
     """
     noise = 4.0 * float_info.epsilon * (abs(time) + duration)
     n = (duration - noise) / max_step
     if n > MAX_SUBSTEPS:
         raise OverflowError(
-            f"a communication step of {duration!r} s would need {n:.3g} substeps of {max_step!r} s, "
-            f"at most {MAX_SUBSTEPS} are allowed"
+            f"no step from t = {time!r} s: a communication step of {duration!r} s would need {n:.3g} substeps of "
+            f"{max_step!r} s, at most {MAX_SUBSTEPS} are allowed"
+        )
+    if noise > max_step:
+        raise OverflowError(
+            f"no step from t = {time!r} s over {duration!r} s: its times are rounded to {noise!r} s, "
+            f"which is more than the longest substep ({max_step!r} s)"
         )
     return ceil(n) if n > 1.0 else 1
