@@ -112,6 +112,7 @@ def in_sources(files: dict[str, bytes]) -> dict[str, bytes]:
 def native_description() -> bytes:
     """Return modelDescription.xml of the native FMU: that of the slave, with what the native binary can do."""
     slave = DampedPendulum(instance_name=native.MODEL_NAME)
+    slave.register_variables()
     slave.modelName = native.MODEL_NAME
     slave.log_categories = {
         category: slave.log_categories[category] for category in ("logStatusError", "logStatusWarning")

@@ -93,12 +93,16 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return modelDescription.xml as an element tree."""
+        self.register_variables()
+        return complete(super().to_xml(model_options or {}))
+
+    def register_variables(self) -> None:
+        """Register the variables, which pythonfmu needs for modelDescription.xml alone."""
         readers = READERS[Real] | READERS[Integer]
         for vr, variable in enumerate(VARIABLES):
             registered = scalar_variable(variable)
             registered.getter = partial(readers[vr], self)
             self.register_variable(registered, nested=False)
-        return complete(super().to_xml(model_options or {}))
 
     def setup_experiment(
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
@@ -460,6 +464,7 @@ def _why_refused(state: dict[str, Any]) -> str | None:
     if state.get("format") != STATE_FORMAT:
         return f"it is of {str(state.get('format'))[:60]!r}, this is {STATE_FORMAT!r}"
     wrong = [name for name, can_be in STATE.items() if name not in state or not can_be(state[name])]
+    wrong += [str(name)[:60] for name in state if name not in STATE]
     if not wrong and state["start_time"] > state["stop_time"]:
         wrong = ["stop_time"]
     if not wrong and state["mode"] in ("instantiated", "initialization"):

@@ -52,6 +52,8 @@ class Fmu:
         about = self.description.coSimulation
         self.name = about.modelIdentifier
         self.native = not about.needsExecutionTool
+        # pythonfmu logs an exception as Fatal and without a category.
+        self.error = (ERROR, "logStatusError") if self.native else (FATAL, "")
         self.optional_functions = {
             "fmi2GetDirectionalDerivative": about.providesDirectionalDerivative,
             "fmi2SetRealInputDerivatives": about.canInterpolateInputs,
@@ -97,7 +99,10 @@ class Instance:
         log = self.log
 
         def logger(_: object, __: bytes, status: int, category: bytes | None, text: bytes) -> None:
-            log.append(Log(status, "" if category is None else category.decode(), text.decode()))
+            # pythonfmu puts a line of its own before the text of an exception.
+            sentence = text.decode().removeprefix("Fatal py exception encountered: ")
+            sentence = sentence.partition("PyObject_CallMethod\n")[2] or sentence
+            log.append(Log(status, "" if category is None else category.decode(), sentence))
 
         callbacks = fmi2CallbackFunctions()
         callbacks.logger = fmi2CallbackLoggerTYPE(logger)

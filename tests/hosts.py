@@ -25,6 +25,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from fmpy import simulate_fmu
 
 from tests.driver import DISCARD, ERROR, FATAL, OK, WARNING, Fmu, Instance, collect, is_error
 
@@ -43,7 +44,7 @@ def run_host(name: str, fmu: Path, *arguments: str) -> Any:
         | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'fmu_src'}", "LD_LIBRARY_PATH": libraries},
         capture_output=True,
         text=True,
-        timeout=100.0,
+        timeout=1000.0,
         check=False,
     )
     assert done.returncode == 0, f"exit status {done.returncode}: {done.stderr[-2000:]}"
@@ -238,6 +239,40 @@ def many_in_sequence(path: Path, count: str) -> tuple[int, float]:
             (phi,) = keeper.get("phi")
             keeper.slave.fmi2FreeInstance(keeper.slave.component)
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, phi
+
+
+def many_runs(path: Path, count: str) -> tuple[int, int, float]:
+    """Return by how much memory [KiB] and mappings grew over so many runs of the file, and phi of the last one."""
+
+    def used() -> tuple[int, int]:
+        pages = int(Path("/proc/self/statm").read_text("ascii").split()[1])
+        mappings = Path("/proc/self/maps").read_text("utf-8", "surrogateescape").count("\n")
+        return pages * resource.getpagesize() // 1024, mappings
+
+    def run() -> float:
+        return float(simulate_fmu(str(path), stop_time=0.01, output=["phi"])["phi"][-1])
+
+    for _ in range(200):  # the caches are filled
+        run()
+    memory, mappings = used()
+    for _ in range(int(count)):
+        phi = run()
+    memory_then, mappings_then = used()
+    return memory_then - memory, mappings_then - mappings, phi
+
+
+def not_utf8(path: Path) -> float:
+    """Pass strings that are no UTF-8, which the wrapper cannot convert; return phi of a legal run."""
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = Fmu(path, Path(folder))
+        for _ in range(TIMES):
+            with fmu.instance() as instance:
+                for _ in range(3):
+                    instance.call("fmi2SetString", (c_uint * 1)(0), 1, (c_char_p * 1)(b"\xff\xfe"))
+            collect()
+        with fmu.running() as instance:
+            instance.run([0.01 * k for k in range(1001)])
+            return instance.get("phi")[0]
 
 
 def fuzz(path: Path, seed: str, count: str) -> tuple[float, int, int]:

@@ -34,6 +34,17 @@ def test_fmpy_survives_control_c_in_a_long_step(fmu_path: Path) -> None:
     assert run_host("fmpy_interrupted", fmu_path) == default_angle()
 
 
+@pytest.mark.pythonfmu_only
+@pytest.mark.slow
+@pytest.mark.parametrize("instances", ["one", "each"])
+def test_fmpy_survives_control_c_anywhere(fmu_path: Path, instances: str) -> None:
+    assert run_host("fmpy_interrupted_anywhere", fmu_path, instances) == default_angle()
+
+
+def test_strings_that_are_not_utf8_do_no_harm(fmu_path: Path) -> None:
+    assert run_host("not_utf8", fmu_path) == default_angle()
+
+
 @pytest.mark.parametrize(
     "program",
     [

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+import zlib
 from collections.abc import Iterator
+from math import inf, nan
 from pathlib import Path
 
 import pytest
@@ -12,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from build_fmu import SOURCES, build
-from damped_pendulum.interface import VERSION
+from damped_pendulum.interface import VARIABLES, VERSION
 from damped_pendulum.solvers import SolverMethod
 from tests.driver import OK, Fmu, Instance, is_error
 from tests.hosts import run_host
@@ -121,11 +124,7 @@ def test_reset_forgets_the_run(fmu: Fmu) -> None:
 
 @pytest.fixture(scope="module")
 def data(fmu: Fmu) -> bytes:
-    with fmu.running() as instance:
-        state = instance.save()
-        data = instance.serialize(state)
-        instance.free_state(state)
-    return data
+    return saved_bytes(fmu)
 
 
 def refused(fmu: Fmu, data: bytes, reason: str) -> bool:
@@ -159,27 +158,164 @@ def test_bytes_that_are_no_state_are_refused(fmu: Fmu, noise: bytes) -> None:
     assert refused(fmu, noise, DAMAGED)
 
 
-@pytest.fixture(scope="module")
-def later_fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
-    """The FMU of another version."""
-    folder = tmp_path_factory.mktemp("later")
+def changed_fmu(folder: Path, old: str, new: str) -> Fmu:
+    """Return the FMU whose interface table differs in one place."""
     sources = shutil.copytree(SOURCES, folder / "fmu_src", ignore=shutil.ignore_patterns("__pycache__"))
     interface = sources / "damped_pendulum" / "interface.py"
     text = interface.read_text("utf-8")
-    interface.write_text(text.replace(f'VERSION = "{VERSION}"', 'VERSION = "99.0.0"'), "utf-8")
+    assert old in text
+    interface.write_text(text.replace(old, new), "utf-8")
     return Fmu(build(folder / "DampedPendulum.fmu", sources), folder / "extracted")
 
 
-@pytest.mark.pythonfmu_only
-def test_a_state_of_another_version_is_refused_in_both_directions(
-    fmu: Fmu, later_fmu: Fmu, data: bytes
-) -> None:
-    with later_fmu.running() as instance:
+def saved_bytes(fmu: Fmu) -> bytes:
+    with fmu.running() as instance:
         state = instance.save()
-        later = instance.serialize(state)
+        data = instance.serialize(state)
         instance.free_state(state)
-    assert refused(fmu, later, f"it is of 'DampedPendulum 99.0.0', this is 'DampedPendulum {VERSION}'")
-    assert refused(later_fmu, data, f"it is of 'DampedPendulum {VERSION}', this is 'DampedPendulum 99.0.0'")
+    return data
+
+
+def format_of(data: bytes) -> str:
+    return str(json.loads(data[8:])["format"])
+
+
+@pytest.mark.pythonfmu_only
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (f'VERSION = "{VERSION}"', 'VERSION = "99.0.0"'),
+        ('"m", "Mass"', '"m", "Energy"'),
+        ('"> 0", ulp', '">= 1e-9", ulp'),
+    ],
+    ids=["version", "type", "range"],
+)
+def test_a_state_of_another_interface_is_refused_in_both_directions(
+    fmu: Fmu, data: bytes, tmp_path: Path, old: str, new: str
+) -> None:
+    other_fmu = changed_fmu(tmp_path, old, new)
+    other = saved_bytes(other_fmu)
+    ours, theirs = format_of(data), format_of(other)
+    assert ours != theirs
+    assert refused(fmu, other, f"it is of '{theirs}', this is '{ours}'")
+    with other_fmu.running({"tau": 0.5}) as instance:
+        assert is_error(instance.restore_bytes(data))
+        assert f"it is of '{ours}', this is '{theirs}'" in instance.errors[0]
+
+
+def sealed(state: object) -> bytes:
+    """Return `state` as the bytes of a state, with the right checksum."""
+    body = (state if isinstance(state, str) else json.dumps(state)).encode()
+    return f"{zlib.crc32(body):08x}".encode() + body
+
+
+def forged(data: bytes, **entries: object) -> bytes:
+    """Return `data` with other entries; a name of a variable stands for its value."""
+    state = json.loads(data[8:])
+    for name, entry in entries.items():
+        if name in VR and name not in state:
+            state["values"][VR[name]] = entry
+        else:
+            state[name] = entry
+    return sealed(state)
+
+
+VR = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
+WRONG_TYPES = (None, "1", True, [1.0], {}, 10**400)
+FORGED = {
+    f"{name} = {str(entry)[:20]}": ({name: entry}, told)
+    for name, entries, told in (
+        ("m", (-1.0, 0.0, nan, inf), "m = "),
+        ("L", (-1.0, nan), "L = "),
+        ("gamma", (-5e-324, inf), "gamma = "),
+        ("g", (nan, -inf), "g = "),
+        ("m", (*WRONG_TYPES, 1), "values"),
+        ("tau", WRONG_TYPES, "values"),
+        ("phi_start", (*WRONG_TYPES, 1), "values"),
+        ("phi_start", (nan, inf), "phi_start = "),
+        ("solver.method", (0, 5, -1), "solver.method = "),
+        ("solver.method", (*WRONG_TYPES, 3.0, 2**31), "values"),
+        ("solver.stepSize", (0.0, -1.0, nan), "solver.stepSize = "),
+        ("a", (1.0, "x"), "values"),
+        ("solver.nfev", (7,), "values"),
+        ("values", (None, [], {}, "x", [1.0] * 13, [1.0] * 15), "values"),
+        ("phi", (*WRONG_TYPES, 1, nan, inf), "phi"),
+        ("w", (*WRONG_TYPES, 1, nan, -inf), "w"),
+        ("nfev", (-5, 2**31, 1.0, None, "7", True, [7], 10**400), "nfev"),
+        ("mode", ("flying", "", 3, None, ["stepping"], {"a": 1}), "mode"),
+        ("start_time", (*WRONG_TYPES, nan, inf, -inf), "start_time"),
+        ("stop_time", (*WRONG_TYPES, nan, -1.0), "stop_time"),
+        ("latest_end", (1.0,), "latest_end"),
+    )
+    for entry in entries
+}
+
+
+@pytest.mark.pythonfmu_only
+@pytest.mark.parametrize(("entries", "told"), FORGED.values(), ids=FORGED)
+def test_a_forged_state_is_refused_whole(
+    fmu: Fmu, data: bytes, entries: dict[str, object], told: str
+) -> None:
+    assert refused(fmu, forged(data, **entries), "no instance can be in it")
+    with fmu.running() as instance:
+        instance.restore_bytes(forged(data, **entries))
+        assert told in instance.errors[0].partition("no instance can be in it")[2]
+
+
+@pytest.mark.pythonfmu_only
+@pytest.mark.parametrize("entry", ["values", "phi", "w", "nfev", "mode", "start_time", "stop_time"])
+def test_a_state_that_lacks_an_entry_is_refused(fmu: Fmu, data: bytes, entry: str) -> None:
+    state = json.loads(data[8:])
+    del state[entry]
+    assert refused(fmu, sealed(state), f"no instance can be in it ({entry})")
+
+
+@pytest.mark.pythonfmu_only
+@pytest.mark.parametrize(
+    "entries",
+    [{"phi": 1.0}, {"w": -0.0}, {"nfev": 4}, {"mode": "initialization", "phi": 0.25}],
+    ids=["phi", "w", "nfev", "initialization"],
+)
+def test_before_the_first_step_a_state_is_that_of_the_start_values(
+    fmu: Fmu, data: bytes, entries: dict[str, object]
+) -> None:
+    assert refused(fmu, forged(data, **{"mode": "instantiated", **entries}), "no instance can be in it")
+
+
+@pytest.mark.pythonfmu_only
+@pytest.mark.parametrize(
+    "text",
+    ["[1, 2]", "7", "null", '"x"', "{", "[" * 100_000, "1" * 10_000, "\u0000", '{"format": [["x"]]}', "{}"],
+    ids=lambda text: text[:12],
+)
+def test_json_that_is_no_state_is_refused(fmu: Fmu, text: str) -> None:
+    assert refused(fmu, sealed(text), "")
+
+
+@pytest.mark.pythonfmu_only
+def test_bytes_that_are_not_utf_8_are_refused(fmu: Fmu) -> None:
+    body = b"\xff\xfe{}"
+    assert refused(fmu, f"{zlib.crc32(body):08x}".encode() + body, "the bytes are no state")
+
+
+@pytest.mark.pythonfmu_only
+def test_what_can_be_saved_can_be_restored(fmu: Fmu) -> None:
+    """Values that no step takes are set before initialization, and the run may end without one."""
+    with fmu.instance() as instance:
+        for name, value in {
+            "m": -1.0,
+            "phi_start": nan,
+            "w_start": -0.0,
+            "tau": inf,
+            "solver.method": 9,
+        }.items():
+            instance.set(name, value)
+        for call in ("fmi2EnterInitializationMode", "fmi2Terminate"):
+            assert instance.call(call) == OK
+            state = instance.save()
+            assert instance.restore(state) == OK
+            assert instance.restore_bytes(instance.serialize(state)) == OK, instance.errors
+            instance.free_state(state)
 
 
 torques = st.just(0.0) | st.floats(-20.0, 20.0)
