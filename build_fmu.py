@@ -34,18 +34,18 @@ ROOT = Path(__file__).resolve().parent
 SOURCES = ROOT / "fmu_src"
 sys.path.insert(0, str(SOURCES))
 
-from damped_pendulum import interface  # noqa: E402  # found through the line above
-from damped_pendulum.fmi2 import complete  # noqa: E402
+from damped_pendulum.interface import DEFAULTS, INTERFACE  # noqa: E402  # found through the line above
 from damped_pendulum.solvers import METHODS, SolverMethod, stability_limit  # noqa: E402
+from fmi.description import complete  # noqa: E402
 from native import build as native  # noqa: E402
 from slave import DampedPendulum  # noqa: E402
 
-PACKAGE = "damped_pendulum"
-DEFAULT_OUTPUT = ROOT / "dist" / f"{interface.MODEL_NAME}.fmu"
+PACKAGES = ("damped_pendulum", "fmi")
+DEFAULT_OUTPUT = ROOT / "dist" / f"{INTERFACE.model_name}.fmu"
 NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
 SCRIPT = """\
-from {package}.fmi2 import keep_alive
+from {package}.fmi.wrapper import keep_alive
 from {package}.slave import {model}
 
 keep_alive(globals())  # pythonfmu 0.7 releases the names of this script once too often with every instance
@@ -117,8 +117,8 @@ def native_description() -> bytes:
     slave.log_categories = {
         category: slave.log_categories[category] for category in ("logStatusError", "logStatusWarning")
     }
-    root = complete(Fmi2Slave.to_xml(slave), states=True)
-    root.set("generationTool", f"{Path(__file__).name} {interface.VERSION}")
+    root = complete(Fmi2Slave.to_xml(slave), INTERFACE, states=True)
+    root.set("generationTool", f"{Path(__file__).name} {INTERFACE.version}")
     co_simulation = next(root.iter("CoSimulation"))
     co_simulation.attrib |= {
         "needsExecutionTool": "false",
@@ -152,29 +152,27 @@ def write_fmu(output: Path, entries: dict[str, bytes]) -> Path:
 
 
 def stage(sources: Path, folder: Path) -> Path:
-    """Copy package and script into `folder` under names with a digest of the sources; return the script.
+    """Copy the packages and the script into `folder` under names with a digest of the sources; return the script.
 
     Modules are cached by name for the whole process of the importer, so two builds that share a name would share
     the code of the first.
     """
-    files = [sources / "slave.py", *sorted((sources / PACKAGE).rglob("*.py"))]
+    files = [path for package in PACKAGES for path in sorted((sources / package).rglob("*.py"))]
+    files.append(sources / "slave.py")
     digest = hashlib.sha256(SCRIPT.encode())
     for path in files:
         digest.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
-    package = f"{PACKAGE}_{digest.hexdigest()[:8]}"
-    shutil.copytree(sources / PACKAGE, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
-    text, replaced = re.subn(
-        rf"^from {PACKAGE}\b",
-        f"from {package}",
-        (sources / "slave.py").read_text("utf-8"),
-        flags=re.MULTILINE,
-    )
-    if not replaced:
-        raise BuildError(f"slave.py imports nothing from {PACKAGE}")
-    (folder / package / "slave.py").write_text(text, "utf-8", newline="\n")
+    package = f"{PACKAGES[0]}_{digest.hexdigest()[:8]}"
+    own_import = re.compile(rf"^from ({'|'.join(PACKAGES)})\b", re.MULTILINE)
+    for path in files:
+        target = folder / package / path.relative_to(sources)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        text = own_import.sub(rf"from {package}.\1", path.read_text("utf-8"))
+        target.write_text(text, "utf-8", newline="\n")
+    (folder / package / "__init__.py").touch()
     # pythonfmu compiles the script anew for every instance and never frees it, so there is next to nothing in it.
     script = folder / f"{package}_slave.py"
-    script.write_text(SCRIPT.format(package=package, model=interface.MODEL_NAME), "utf-8", newline="\n")
+    script.write_text(SCRIPT.format(package=package, model=INTERFACE.model_name), "utf-8", newline="\n")
     return script
 
 
@@ -189,7 +187,7 @@ def restored_imports() -> Iterator[None]:
         sys.dont_write_bytecode = write_bytecode
         sys.path[:] = path
         for name in set(sys.modules) - modules:
-            if name.startswith(PACKAGE):
+            if name.startswith(PACKAGES[0]):
                 del sys.modules[name]
 
 
@@ -224,12 +222,12 @@ def write_entries(archive: Path, entries: dict[str, bytes]) -> None:
 def variable_rows() -> list[Sequence[str]]:
     """Return the table of the variables, header first."""
     rows: list[Sequence[str]] = [("name", "type", "unit", "kind", "start", "allowed", "description")]
-    for variable in interface.VARIABLES:
+    for variable in INTERFACE.variables:
         start = "" if variable.start is None else repr(variable.start)
         if isinstance(variable.start, SolverMethod):
             start = f"{variable.start.name} ({variable.start.value})"
         allowed = variable.range.text if variable.range else ""
-        unit = interface.unit_of(variable)
+        unit = INTERFACE.unit_of(variable)
         rows.append(
             (variable.name, variable.type, unit, variable.causality, start, allowed, variable.description)
         )
@@ -238,8 +236,8 @@ def variable_rows() -> list[Sequence[str]]:
 
 def method_rows() -> list[Sequence[str]]:
     """Return the table of the methods, header first; the limits are those of small swings."""
-    w02 = interface.DEFAULTS["g"] / interface.DEFAULTS["L"]
-    damping_rate = interface.DEFAULTS["gamma"] / interface.DEFAULTS["m"]
+    w02 = DEFAULTS["g"] / DEFAULTS["L"]
+    damping_rate = DEFAULTS["gamma"] / DEFAULTS["m"]
     rows: list[Sequence[str]] = [
         (
             "value",
@@ -294,7 +292,7 @@ def write_documentation(folder: Path, carrier: str) -> None:
         flags=re.DOTALL,
     )
     for mark, content in (
-        ("VERSION", interface.VERSION),
+        ("VERSION", INTERFACE.version),
         ("VARIABLES", html_table(variable_rows())),
         ("METHODS", html_table(method_rows())),
     ):

@@ -1,95 +1,26 @@
-"""The interface of the FMU as tables: units, types, variables. Names, types and units are those of Modelica.
-
-The tables are the only source of the interface: modelDescription.xml, the documentation in the FMU and the table
-in README are made from them, and the checks of the parameters read the ranges from them.
-"""
+"""The interface of the FMU as tables: units, types, variables. Names, types and units are those of Modelica."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from math import pi, ulp
-from sys import float_info
-from types import MappingProxyType
-from typing import NamedTuple
-from zlib import crc32
+from math import pi
+
+from fmi.tables import (
+    FINITE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Enumeration,
+    Experiment,
+    Interface,
+    Item,
+    Range,
+    Type,
+    Unit,
+    Variable,
+)
 
 from .solvers import METHODS, SolverMethod
 
-MODEL_NAME = "DampedPendulum"
-VERSION = "0.1.0"
-RELEASED = "2026-11-22T00:00:00Z"
-DESCRIPTION = "Nonlinear damped pendulum: torque in, angle out, integrated by a method of your choice"
-AUTHOR = "The damped pendulum FMU contributors"
-LICENSE = "MIT"
-
-
-class Unit(NamedTuple):
-    """A unit: its exponents of the SI base units and, in `display`, unit -> factor (display = factor*value)."""
-
-    name: str
-    base: Mapping[str, int]
-    display: Mapping[str, float] = MappingProxyType({})
-
-
-class Type(NamedTuple):
-    """A quantity of the Modelica Standard Library (Modelica.Units.SI)."""
-
-    name: str
-    unit: str
-    display_unit: str | None = None
-
-
-class Range(NamedTuple):
-    """Allowed values, `lowest` to `highest`: `text` for the user, `minimum` for the XML where there is one."""
-
-    text: str
-    lowest: float
-    highest: float = float_info.max
-    minimum: float | None = None
-
-    def allows(self, value: float) -> bool:
-        """Return whether `value` is allowed."""
-        return self.lowest <= value <= self.highest
-
-
-FINITE = Range("finite", -float_info.max)
-POSITIVE = Range("> 0", ulp(0.0), minimum=0.0)
-NOT_NEGATIVE = Range(">= 0", 0.0, minimum=0.0)
 A_METHOD = Range(f"1..{len(SolverMethod)}", min(SolverMethod), max(SolverMethod))
-
-
-class Variable(NamedTuple):
-    """A variable of the FMU; its value reference is its place in `VARIABLES`.
-
-    Attributes
-    ----------
-    name : name in the FMU
-    type : name of a row of `TYPES`, "SolverMethod" or "Integer"
-    causality : "parameter" (fixed, exact), "input" (continuous) or "output" (calculated)
-    description : one line, no unit
-    start : start value [unit of the type] of a parameter or an input
-    range : allowed values of a parameter or an input
-    nominal : typical magnitude where 1 would mislead
-    derivative_of : of a variable that is the time derivative of another, the name of that one
-    depends_on : of an output, the states and inputs it depends on at a communication point
-    starts_from : of an output, the parameters and inputs it depends on at initialization
-    """
-
-    name: str
-    type: str
-    causality: str
-    description: str
-    start: float | None = None
-    range: Range | None = None
-    nominal: float | None = None
-    derivative_of: str | None = None
-    depends_on: tuple[str, ...] = ()
-    starts_from: tuple[str, ...] = ()
-
-    def allows(self, value: float) -> bool:
-        """Return whether `value` is allowed for this parameter or input."""
-        return self.range is None or self.range.allows(value)
-
 
 UNITS = (
     Unit("kg", {"kg": 1}),
@@ -117,7 +48,11 @@ TYPES = (
     Type("Time", "s"),
 )
 
-SOLVER_METHODS = {method: METHODS[method].description for method in SolverMethod}
+SOLVER_METHODS = Enumeration(
+    "SolverMethod",
+    "Integration method",
+    tuple(Item(method.name, method.value, METHODS[method].description) for method in SolverMethod),
+)
 
 VARIABLES = (
     Variable("m", "Mass", "parameter", "Mass of the bob", 1.0, POSITIVE),
@@ -197,20 +132,16 @@ VARIABLES = (
 
 DEFAULTS = {variable.name: variable.start for variable in VARIABLES if variable.start is not None}
 
-START_TIME, STOP_TIME, COMMUNICATION_STEP = 0.0, 10.0, 0.01  # DefaultExperiment [s]
-
-
-def unit_of(variable: Variable) -> str:
-    """Return the unit of `variable`, "" where it has none."""
-    return next((type_.unit for type_ in TYPES if type_.name == variable.type), "")
-
-
-def state_format(model: str) -> str:
-    """Return the origin that a saved state names: model, version and a digest of what its values mean."""
-    rows = (
-        f"{variable.name} {variable.type} {unit_of(variable)} {variable.causality} "
-        f"{variable.range.text if variable.range else ''}"
-        for variable in VARIABLES
-    )
-    methods = (f"{method.name} {method.value}" for method in SolverMethod)
-    return f"{model} {VERSION} {crc32(chr(10).join((*rows, *methods)).encode()):08x}"
+INTERFACE = Interface(
+    model_name="DampedPendulum",
+    version="0.1.0",
+    released="2026-11-22T00:00:00Z",
+    description="Nonlinear damped pendulum: torque in, angle out, integrated by a method of your choice",
+    author="The damped pendulum FMU contributors",
+    license="MIT",
+    experiment=Experiment(0.0, 10.0, 0.01),
+    units=UNITS,
+    types=TYPES,
+    enumerations=(SOLVER_METHODS,),
+    variables=VARIABLES,
+)

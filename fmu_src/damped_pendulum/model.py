@@ -12,11 +12,12 @@ Divided by J this is Grillo, "Exercise: the pendulum", with k^2 = gamma/m and om
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import copysign, frexp, inf, isfinite, ldexp, sin
+from math import copysign, cos, frexp, inf, isfinite, ldexp, sin, sqrt
 from sys import float_info
 from typing import NamedTuple
 
 Acceleration = Callable[[float, float], float]
+ImplicitStage = Callable[[float, float], tuple[float, float, int]]
 
 
 class Motion(NamedTuple):
@@ -50,6 +51,41 @@ class Motion(NamedTuple):
         terms = ("drive", "drag * w", "gravity * sin(phi)")
         acting = [term for term, factor in zip(terms, self.coefficients(), strict=True) if factor]
         return " + ".join(acting) or "0.0"
+
+    def implicit_stage(self, b: float) -> ImplicitStage:
+        """Return the solution x, v and its evaluations of v = w + b*a(x, v), x = phi + b*v as a function of phi and w.
+
+        Eliminating the rate v leaves one equation for the angle x,
+
+            x + s*sin(x) = c,   s = b^2*w02/(1 + b*k2),   c = phi + b*(w + b*drive)/(1 + b*k2),
+
+        with k2 the damping rate. It has a single root for |s| < 1, see `longest_implicit_stage`.
+        """
+        denominator = 1.0 + b * self.damping_rate
+        kick = b * self.w02 / denominator
+        s = b * kick
+        push = b * self.drive
+
+        def stage(phi: float, w: float) -> tuple[float, float, int]:
+            v = (w + push) / denominator
+            c = phi + b * v
+            if s == 0.0:
+                return c, v, 1
+            x, evaluations = solve_kepler(s, c)
+            return x, v - kick * sin(x), evaluations
+
+        return stage
+
+    def longest_implicit_stage(self) -> float:
+        """Return the factor b [s] below which the equation of an implicit stage has a single root.
+
+        |s| = b^2*|w02|/(1 + b*damping_rate) must stay below 1.
+        """
+        if self.w02 == 0.0:
+            return inf
+        w0 = sqrt(abs(self.w02))
+        half = self.damping_rate / (2.0 * w0)
+        return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9)
 
 
 class Pendulum(NamedTuple):
@@ -137,3 +173,41 @@ def scaled(value: float, power: int) -> float:
         return ldexp(value, power)
     except OverflowError:
         return copysign(inf, value)
+
+
+_QUARTER_ULP = float_info.epsilon / 4.0  # of 1
+
+
+def solve_kepler(s: float, c: float) -> tuple[float, int]:
+    """Solve x + s*sin(x) = c for |s| < 1 by Newton's method to the last bit.
+
+    The root is kept between bounds, and a Newton step that would leave them is replaced by a bisection,
+    so the iteration ends for every s. `x - c` is exact near the root, so the residual is good to a
+    rounding error of s*sin(x), not of x.
+
+    Returns
+    -------
+    x : the root, in the unit of `c`
+    evaluations : how often sin and cos were evaluated
+    """
+    low, high = c - 2.0 * abs(s), c + 2.0 * abs(s)
+    x = c
+    evaluations = 0
+    while True:
+        residual = (x - c) + s * sin(x)
+        evaluations += 1
+        if residual > 0.0:
+            high = x
+        else:
+            low = x
+        slope = 1.0 + s * cos(x)
+        correction = residual / slope
+        new = x - correction
+        # The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of a unit in the last place.
+        if abs(s) * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
+            return new, evaluations
+        if not low < new < high:
+            new = 0.5 * (low + high)
+            if not low < new < high:
+                return x, evaluations
+        x = new

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 from itertools import repeat
-from math import ceil, cos, inf, sin, sqrt
+from math import ceil, inf, sqrt
 from sys import float_info
 from typing import NamedTuple
 
@@ -26,7 +26,6 @@ from .model import Motion
 Solver = Callable[[Motion, float, float, float, int], tuple[float, float, int]]
 
 MAX_SUBSTEPS = 2**31 - 1
-_QUARTER_ULP = float_info.epsilon / 4.0  # of 1
 
 
 def explicit_euler(motion: Motion, phi: float, w: float, h: float, n: int) -> tuple[float, float, int]:
@@ -86,63 +85,14 @@ def explicit_runge_kutta4(motion: Motion, phi: float, w: float, h: float, n: int
 def implicit_euler(motion: Motion, phi: float, w: float, h: float, n: int) -> tuple[float, float, int]:
     """Implicit (backward) Euler method on the nonlinear equation: order 1.
 
-    Eliminating the new rate leaves one equation for the new angle x,
-
-        x + s*sin(x) = c,   s = h^2*w02/(1 + h*k2),   c = phi + h*(w + h*drive)/(1 + h*k2),
-
-    with k2 the damping rate. It has a single root for |s| < 1, which `unique_root_limit` guarantees.
+    The whole step is one implicit stage, which the model solves.
     """
-    damping_rate, w02, drive = motion
-    denominator = 1.0 + h * damping_rate
-    kick = h * w02 / denominator
-    s = h * kick
+    stage = motion.implicit_stage(h)
     nfev = 0
     for _ in repeat(None, n):
-        v = (w + h * drive) / denominator
-        c = phi + h * v
-        if s == 0.0:
-            phi, w = c, v
-            nfev += 1
-        else:
-            phi, evaluations = solve_kepler(s, c)
-            w = v - kick * sin(phi)
-            nfev += evaluations
+        phi, w, evaluations = stage(phi, w)
+        nfev += evaluations
     return phi, w, nfev
-
-
-def solve_kepler(s: float, c: float) -> tuple[float, int]:
-    """Solve x + s*sin(x) = c for |s| < 1 by Newton's method to the last bit.
-
-    The root is kept between bounds, and a Newton step that would leave them is replaced by a bisection,
-    so the iteration ends for every s. `x - c` is exact near the root, so the residual is good to a
-    rounding error of s*sin(x), not of x.
-
-    Returns
-    -------
-    x : the root, in the unit of `c`
-    evaluations : how often sin and cos were evaluated
-    """
-    low, high = c - 2.0 * abs(s), c + 2.0 * abs(s)
-    x = c
-    evaluations = 0
-    while True:
-        residual = (x - c) + s * sin(x)
-        evaluations += 1
-        if residual > 0.0:
-            high = x
-        else:
-            low = x
-        slope = 1.0 + s * cos(x)
-        correction = residual / slope
-        new = x - correction
-        # The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of a unit in the last place.
-        if abs(s) * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
-            return new, evaluations
-        if not low < new < high:
-            new = 0.5 * (low + high)
-            if not low < new < high:
-                return x, evaluations
-        x = new
 
 
 class SolverMethod(IntEnum):
@@ -238,19 +188,6 @@ def stability_limit(method: SolverMethod, damping_rate: float, w02: float) -> fl
             stable = middle
         else:
             unstable = middle
-
-
-def unique_root_limit(method: SolverMethod, damping_rate: float, w02: float) -> float:
-    """Return the substep [s] below which the equation of a substep has a single root.
-
-    For ImplicitEuler |s| = h^2*|w02|/(1 + h*damping_rate) must stay below 1; explicit methods have no
-    such limit (inf).
-    """
-    if method is not SolverMethod.ImplicitEuler or w02 == 0.0:
-        return inf
-    w0 = sqrt(abs(w02))
-    half = damping_rate / (2.0 * w0)
-    return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9)
 
 
 def substeps(time: float, duration: float, max_step: float) -> int:

@@ -1,0 +1,94 @@
+"""Communication steps: a method, its substeps, and what to say where they go wrong."""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+from typing import NoReturn
+
+from .inline import inlined
+from .model import Motion
+from .solvers import METHODS, Solver, SolverMethod, stability_limit, substeps
+
+
+class Integration:
+    """The communication steps of a method with substeps of at most `step_size` [s].
+
+    Parameters
+    ----------
+    method : the method
+    step_size : upper bound of the substeps [s], > 0
+    motion : the motion without drive, which knows the rates that limit the substeps
+    system, drive : what moves and what drives it, for messages
+
+    Attributes
+    ----------
+    max_step : upper bound of the substeps [s], with which every implicit stage has a single solution, too
+    """
+
+    def __init__(self, method: SolverMethod, step_size: float, motion: Motion, system: str, drive: str) -> None:
+        self.method, self.system, self.drive = method, system, drive
+        self.limit = stability_limit(method, motion.damping_rate, motion.w02)
+        is_implicit = METHODS[method].stages is None
+        self.max_step = min(step_size, motion.longest_implicit_stage() if is_implicit else inf)
+        self._motion: Motion
+        self._solve: Solver
+
+    def warning(self) -> str | None:
+        """Return what is wrong with an unstable step size and how to mend it, None where nothing is."""
+        if self.max_step <= self.limit:
+            return None
+        return f"solver.stepSize = {self.max_step!r} s is unstable: {self._advice(self.max_step)}"
+
+    def hold(self, motion: Motion) -> None:
+        """Take `motion`, with its drive, for the steps to come."""
+        self._motion, self._solve = motion, inlined(METHODS[self.method].solver, motion)
+
+    def advance(self, phi: float, w: float, time: float, duration: float) -> tuple[float, float, int]:
+        """Return the state after a step from `time` over `duration` [s], and its evaluations.
+
+        Raises
+        ------
+        OverflowError : the substeps would be too many or too short, or leave the range of a double
+        """
+        n = substeps(time, duration, self.max_step)
+        h = duration / n
+        try:
+            phi_then, w_then, nfev = self._solve(self._motion, phi, w, h, n)
+        except ValueError:  # math.sin(inf)
+            self._report_divergence(phi, w, time, h)
+        if not (isfinite(phi_then) and isfinite(w_then)):
+            self._report_divergence(phi, w, time, h)
+        return phi_then, w_then, nfev
+
+    def _report_divergence(self, phi: float, w: float, time: float, h: float) -> NoReturn:
+        """Raise with the substep that left the range of a double, found by taking them one by one."""
+        count = 0
+        try:
+            while isfinite(phi) and isfinite(w):
+                count += 1
+                phi, w, _ = self._solve(self._motion, phi, w, h, 1)
+        except ValueError:  # math.sin(inf)
+            pass
+        raise OverflowError(
+            f"diverged at t = {time + count * h!r} s: substep {count} of {h!r} s with "
+            f"{self.method.name} left the range of a double; {self._advice(h)}"
+        )
+
+    def _advice(self, h: float) -> str:
+        """Say what to do about substeps of `h` [s] that went wrong or will."""
+        method = self.method.name
+        if self.limit == 0.0:
+            return (
+                f"{method} has no stable step size for this {self.system} (stability limit 0 s): "
+                "use ExplicitRungeKutta4 or ImplicitEuler"
+            )
+        if h <= self.limit:
+            return (
+                f"{h!r} s is within the stability limit of {method} for this {self.system} "
+                f"({self.limit:.6g} s): check the {self.drive} and the start values"
+            )
+        stable = 0.9999 * self.limit  # stays below the limit when it is rounded to five digits
+        return (
+            f"the stability limit of {method} for this {self.system} is {self.limit:.6g} s: "
+            f"use solver.stepSize = {stable:.5g} s or less, or ImplicitEuler"
+        )
