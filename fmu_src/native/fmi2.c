@@ -390,9 +390,11 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 /* Whether a step over `duration` [s] may end at `end` [s]. The clock of a host that adds up its steps is rounded, and
  * FMPy takes what is within 1e-9 of the stop time for it. */
 static bool is_within_experiment(const State *state, double duration, double end) {
+    if (!isfinite(end)) return false;
+    if (end <= state->stop_time) return true;
     const double largest = fmax(fabs(state->start_time), fabs(state->stop_time));
     const double noise = fmax(4.0 * DBL_EPSILON * largest, fmin(1e-9 * largest, duration / 10.0));
-    return isfinite(end) && end <= state->stop_time + noise;
+    return end <= state->stop_time + noise;
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean noSetFMUStatePriorToCurrentPoint) {

@@ -47,7 +47,7 @@ static double model_value(const Model *model, unsigned reference) {
     const double w = values[VR_w];
     if (reference == VR_E) return energy(values[VR_m], values[VR_L], values[VR_g], phi, w);
     if (reference != VR_a) return values[reference];
-    if (values[VR_m] == 0.0 || values[VR_L] == 0.0) return NAN;
+    if (values[VR_m] == 0.0 || values[VR_L] == 0.0 || !isfinite(phi) || !isfinite(w)) return NAN;
     const Pendulum p = pendulum_of(model);
     return acceleration(&p, model->elapsed, phi, w) + 0.0;
 }
@@ -185,17 +185,18 @@ static void report_divergence(const Model *model, const Pendulum *p, double time
 /* Write why there are no substeps for a step, and return whether that is so. */
 static bool has_no_substeps(double time, double duration, double max_step, double n, Text *text) {
     const double noise = clock_noise(time, duration);
+    if (n <= MAX_SUBSTEPS && noise <= max_step) return false;
     clear(text);
     if (n > MAX_SUBSTEPS) {
         append(text, "no step from t = %s s: a communication step of %s s ", repr(time).text, repr(duration).text);
         append(text, "would need %s substeps of %s s, at most %d are allowed", rounded(n, 3).text,
                repr(max_step).text, MAX_SUBSTEPS);
-    } else if (noise > max_step) {
+    } else {
         append(text, "no step from t = %s s over %s s: ", repr(time).text, repr(duration).text);
         append(text, "its times are rounded to %s s, which is more than the longest substep (%s s)",
                repr(noise).text, repr(max_step).text);
     }
-    return *text->text != '\0';
+    return true;
 }
 
 static bool model_step(Model *model, double time, double duration, Text *text) {

@@ -77,13 +77,13 @@ static Pendulum pendulum(const double values[VARIABLE_COUNT], const double deriv
     return p;
 }
 
-static double drive_at(const Pendulum *p, double t) {
+static inline double drive_at(const Pendulum *p, double t) {
     double drive = p->drive[p->order];
     for (int k = p->order; k > 0; k--) drive = drive * t + p->drive[k - 1];
     return drive;
 }
 
-static double acceleration(const Pendulum *p, double t, double phi, double w) {
+static inline double acceleration(const Pendulum *p, double t, double phi, double w) {
     double a = p->order == 0 ? p->drive[0] : drive_at(p, t);
     if (p->damping_rate != 0.0) a -= p->damping_rate * w;
     if (p->w02 != 0.0) a -= p->w02 * sin(phi);
@@ -170,16 +170,17 @@ static double partial_derivative(const Pendulum *p, double phi, double w, int ou
     }
 }
 
-/* The methods: each advances phi and w by the substep of h that begins at t, and returns its evaluations. */
+/* The methods: each advances phi and w by the substep of h that begins at t, and returns its evaluations. They and what
+ * they call are inline, because a call costs as much as the arithmetic of a stage. */
 
-static int64_t explicit_euler(const Pendulum *p, double t, double h, double *phi, double *w) {
+static inline int64_t explicit_euler(const Pendulum *p, double t, double h, double *phi, double *w) {
     const double a = acceleration(p, t, *phi, *w);
     *phi += h * *w;
     *w += h * a;
     return 1;
 }
 
-static int64_t explicit_midpoint2(const Pendulum *p, double t, double h, double *phi, double *w) {
+static inline int64_t explicit_midpoint2(const Pendulum *p, double t, double h, double *phi, double *w) {
     const double half = h / 2;
     const double a1 = acceleration(p, t, *phi, *w);
     const double w2 = *w + half * a1;
@@ -189,7 +190,7 @@ static int64_t explicit_midpoint2(const Pendulum *p, double t, double h, double 
     return 2;
 }
 
-static int64_t explicit_runge_kutta4(const Pendulum *p, double t, double h, double *phi, double *w) {
+static inline int64_t explicit_runge_kutta4(const Pendulum *p, double t, double h, double *phi, double *w) {
     const double half = h / 2;
     const double sixth = h / 6;
     const double middle = *phi + half * *w;
@@ -206,7 +207,7 @@ static int64_t explicit_runge_kutta4(const Pendulum *p, double t, double h, doub
 }
 
 /* Solve x + s*sin(x) = c for |s| < 1 by Newton's method to the last bit; bisection keeps x between bounds. */
-static int64_t solve_kepler(double s, double c, double *root) {
+static inline int64_t solve_kepler(double s, double c, double *root) {
     double low = c - 2.0 * fabs(s);
     double high = c + 2.0 * fabs(s);
     double x = c;
@@ -233,7 +234,7 @@ static int64_t solve_kepler(double s, double c, double *root) {
     }
 }
 
-static int64_t implicit_euler(const Pendulum *p, double t, double h, double *phi, double *w) {
+static inline int64_t implicit_euler(const Pendulum *p, double t, double h, double *phi, double *w) {
     const double denominator = 1.0 + h * p->damping_rate;
     const double kick = h * p->w02 / denominator;
     const double s = h * kick;
