@@ -324,7 +324,9 @@ def test_a_and_e_are_the_bits_of_python_or_refused_whatever_is_set(
             assert f"{name} is out of the range" in shared.refusal(lambda name=name: shared.get(name))
 
 
-def test_numbers_keep_their_digits_where_products_of_parameters_leave_the_range(instance: FMU2Instance) -> None:
+def test_numbers_keep_their_digits_where_products_of_parameters_leave_the_range(
+    instance: FMU2Instance,
+) -> None:
     instance.start({"m": 1e300, "g": 1e50, "L": 1e-100, "phi_start": 1.0})
     assert instance.get("E") == [4.5969769413186036e249]
     # m*g*L*sin(phi)
@@ -534,9 +536,9 @@ def assert_refused_as_in_python(shared: FMU2Instance, time: float, step: float) 
 @example(9.99499e-10)
 def test_rounded_numbers_read_as_in_python(shared: FMU2Instance, h: float) -> None:
     shared.start({"solver.stepSize": h})
-    assert f" would need {(100.0 - 4 * 2.0**-52 * 100.0) / h:.3g} substeps of {h!r} s, at most 2147483647 " in (
-        shared.refusal(lambda: shared.doStep(0.0, 100.0))
-    )
+    count = (100.0 - 4 * 2.0**-52 * 100.0) / h
+    message = shared.refusal(lambda: shared.doStep(0.0, 100.0))
+    assert f" would need {count:.3g} substeps of {h!r} s, at most 2147483647 " in message
 
 
 def test_an_unstable_step_size_is_a_warning(instance: FMU2Instance) -> None:
@@ -642,7 +644,9 @@ def test_percent_and_number_signs_do_not_reach_a_logger_that_formats(
     assert messages[0].startswith(b"50percent of ##r9##: the GUID is ##percents## instead of ")
 
 
-@pytest.mark.parametrize("text", ["a" + 300 * "\u00e4", 134 * "\u20ac", "ab" + 101 * "\U0001f600", 4000 * "%"])
+@pytest.mark.parametrize(
+    "text", ["a" + 300 * "\u00e4", 134 * "\u20ac", "ab" + 101 * "\U0001f600", 4000 * "%"]
+)
 def test_a_long_text_of_the_host_is_cut_between_characters(
     instance: FMU2Instance, log: tuple[list[bytes], Any], text: str
 ) -> None:
@@ -813,9 +817,7 @@ def test_before_the_first_step_the_last_successful_time_is_the_start_time(instan
     instance.setup(2.5)
     instance.initialize()
     time = fmpy.fmi2.fmi2Real()
-    instance.fmi2GetRealStatus(
-        instance.component, fmpy.fmi2.fmi2LastSuccessfulTime, fmpy.fmi2.byref(time)
-    )
+    instance.fmi2GetRealStatus(instance.component, fmpy.fmi2.fmi2LastSuccessfulTime, fmpy.fmi2.byref(time))
     assert time.value == 2.5
 
 
@@ -1206,9 +1208,9 @@ def test_wrong_input_derivatives_are_refused(
 def test_output_derivatives_are_of_outputs_alone(instance: FMU2Instance) -> None:
     instance.start({})
     for name in ("m", "tau"):
-        assert instance.unwritten(
-            lambda value, name=name: instance.output_derivative(name, 1, value), 1
-        ) == (f"pendulum: {name} is not an output")
+        assert instance.unwritten(lambda value, name=name: instance.output_derivative(name, 1, value), 1) == (
+            f"pendulum: {name} is not an output"
+        )
     for order in (0, 3):
         assert "of a (allowed: 1..2)" in instance.unwritten(
             lambda value, order=order: instance.output_derivative("a", order, value), 1
@@ -1337,7 +1339,13 @@ def test_in_initialization_mode_directional_derivatives_are_by_the_parameters(
                     return exact_outputs(*(x if k == i else mpmath.mpf(v) for k, v in enumerate(point)))[j]
 
                 expected = float(mpmath.diff(along, mpmath.mpf(point[i])))
-                terms = abs(tau / (m * L * L)) + abs(gamma / m * w) + abs(g / L) + m * (L * w) ** 2 + m * abs(g) * L
+                terms = (
+                    abs(tau / (m * L * L))
+                    + abs(gamma / m * w)
+                    + abs(g / L)
+                    + m * (L * w) ** 2
+                    + m * abs(g) * L
+                )
                 bound = 1e-14 * terms * (1 + 1 / m + 1 / L)
                 assert shared.partial(unknown, known) == pytest.approx(expected, rel=1e-14, abs=bound)
     assert "by Real parameters, tau" in shared.refusal(lambda: shared.partial("a", "phi"))
@@ -1366,7 +1374,12 @@ def test_directional_derivatives_replace_what_the_host_had(instance: FMU2Instanc
     [
         (["phi", "a"], ["phi"], 1.7e308, "directional derivative of a is out of the range of a double"),
         (["phi", "a"], ["phi"], nan, "directional derivative of phi is out of the range of a double"),
-        (["phi", "m"], ["phi"], 1.0, "no derivative of m with respect to phi (allowed: of outputs by phi, w, tau)"),
+        (
+            ["phi", "m"],
+            ["phi"],
+            1.0,
+            "no derivative of m with respect to phi (allowed: of outputs by phi, w, tau)",
+        ),
         (["phi"] * 257, ["phi"] * 256, 1.0, "257 unknowns by 256 knowns in one call (allowed: at most 65536"),
         (["phi"] * 65536, ["w"] * 65536, 1.0, "65536 unknowns by 65536 knowns in one call"),
     ],
@@ -1656,7 +1669,13 @@ def test_the_sources_of_two_fmus_link_into_one_program(folder: Path, tmp_path: P
 def test_an_instance_that_there_is_no_memory_for_is_reported(folder: Path, tmp_path: Path) -> None:
     program, sources = tmp_path / "program", folder / "sources"
     command = [COMPILER, "-std=c11", "-Dcalloc=failing_calloc", f"-I{native.FMI_HEADERS}", f"-I{sources}"]
-    command += [HERE / "native_no_memory.c", *(sources / name for name in native.SOURCES), "-lm", "-o", program]
+    command += [
+        HERE / "native_no_memory.c",
+        *(sources / name for name in native.SOURCES),
+        "-lm",
+        "-o",
+        program,
+    ]
     subprocess.run(command, check=True)
     done = subprocess.run([program], capture_output=True, text=True, check=True)
     assert done.stdout == "poor 3 logStatusError there is no memory for an instance\n"
@@ -1716,9 +1735,7 @@ def test_only_what_overflows_raises_floating_point_exceptions(
 
 
 @pytest.mark.parametrize("rounding", ["upward", "downward", "towardzero"])
-def test_numbers_in_messages_do_not_follow_the_rounding_of_the_host(
-    strange_host: Any, rounding: str
-) -> None:
+def test_numbers_in_messages_do_not_follow_the_rounding_of_the_host(strange_host: Any, rounding: str) -> None:
     program = strange_host("gcc", "-O0")
     assert messages_in(program, rounding) == messages_in(program, "plain")[1:-2]
 
@@ -1799,7 +1816,7 @@ def test_zig_compiles_without_a_home_that_can_be_written(
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setenv("HOME", str(file))
     monkeypatch.setattr(native, "TARGETS", native.TARGETS[:1])
-    assert [name for name in native.binaries("guid")] == ["binaries/linux64/DampedPendulumNative.so"]
+    assert list(native.binaries("guid")) == ["binaries/linux64/DampedPendulumNative.so"]
 
 
 @on_linux

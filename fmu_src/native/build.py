@@ -139,7 +139,9 @@ def zig_environment() -> Iterator[dict[str, str]]:
 
 def _zig_cache() -> Path | None:
     """Return where zig keeps its cache, None where it knows no place."""
-    places = [("LOCALAPPDATA", "zig")] if os.name == "nt" else [("XDG_CACHE_HOME", "zig"), ("HOME", ".cache/zig")]
+    places = (
+        [("LOCALAPPDATA", "zig")] if os.name == "nt" else [("XDG_CACHE_HOME", "zig"), ("HOME", ".cache/zig")]
+    )
     known = [Path(os.environ[name], below) for name, below in places if os.environ.get(name)]
     return known[0] if known else None
 
