@@ -115,7 +115,8 @@ def native_description() -> bytes:
     slave.register_variables()
     slave.modelName = native.MODEL_NAME
     slave.log_categories = {
-        category: slave.log_categories[category] for category in ("logStatusError", "logStatusWarning")
+        category: slave.log_categories[category]
+        for category in ("logStatusWarning", "logStatusDiscard", "logStatusError")
     }
     root = complete(Fmi2Slave.to_xml(slave), states=True)
     root.set("generationTool", f"{Path(__file__).name} {interface.VERSION}")
