@@ -66,6 +66,6 @@ def test_an_undamped_swing_keeps_its_energy(fmu: Fmu, g: float) -> None:
         before = instance.get("E")[0]
         for k in range(100):
             assert instance.step(0.01 * k, 0.01) == OK
-        # The local error of RK4 is of the order (h*w0)^5 a substep, of which there are 1000; each rounds the state, too.
+        # The local error of RK4 is of the order (h*w0)^5 a substep, 1000 of them; each rounds the state, too.
         scale = 0.5 + 2.0 * abs(g)
         assert abs(instance.get("E")[0] - before) <= 1000 * ((1e-3 * 3.14) ** 5 + 4 * EPS) * scale
