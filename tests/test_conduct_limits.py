@@ -302,6 +302,7 @@ def test_a_state_of_another_interface_is_refused_by_its_name(
 # Inertia and energy
 sizes = st.floats(TINY, HUGE) | st.floats(-300.0, 300.0).map(lambda power: 10.0**power)
 signed = sizes | sizes.map(neg) | st.just(0.0)
+angles = signed.filter(lambda phi: phi / 2 * 2 == phi)  # half of a subnormal angle can be rounded
 
 
 def read(fmu: Fmu, name: str, values: dict[str, float]) -> float | None:
@@ -345,7 +346,7 @@ def test_the_energy_keeps_its_digits_where_a_product_of_its_factors_does_not(
     assert abs(found - exact) <= ENERGY_BOUND * size
 
 
-@given(m=sizes, L=sizes, g=signed, phi=signed, w=signed)
+@given(m=sizes, L=sizes, g=signed, phi=angles, w=signed)
 def test_the_energy_is_that_of_the_formula_wherever_it_is_a_double(
     fmu: Fmu, m: float, L: float, g: float, phi: float, w: float
 ) -> None:
