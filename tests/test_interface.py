@@ -1,5 +1,5 @@
 import re
-from math import pi
+from math import inf, nan, pi
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -8,7 +8,7 @@ import pytest
 from fmpy.model_description import ModelDescription, ScalarVariable
 
 import build_fmu
-from damped_pendulum.interface import TYPES, UNITS, VARIABLES, unit_of
+from damped_pendulum.interface import TYPES, UNITS, VARIABLES, Variable, unit_of
 from damped_pendulum.solvers import SolverMethod
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -47,6 +47,36 @@ def test_a_variable_is_described_as_in_its_table(variable: object, in_fmu: dict[
         assert found.start is None
     else:
         assert float(found.start) == variable.start  # to the last bit
+
+
+SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # positive doubles
+# The ends of each range: values that are allowed, and their neighbours that are not.
+ENDS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    "> 0": ((SMALLEST, LARGEST), (0.0, -0.0, -SMALLEST, inf, nan)),
+    ">= 0": ((0.0, -0.0, SMALLEST, LARGEST), (-SMALLEST, inf, nan)),
+    "finite": ((-LARGEST, -SMALLEST, 0.0, SMALLEST, LARGEST), (-inf, inf, nan)),
+    "1..4": ((1, 4), (0, 5, -1)),
+}
+RANGES = {
+    "m": "> 0",
+    "L": "> 0",
+    "gamma": ">= 0",
+    "g": "finite",
+    "phi_start": "finite",
+    "w_start": "finite",
+    "solver.method": "1..4",
+    "solver.stepSize": "> 0",
+    "tau": "finite",
+}
+
+
+@pytest.mark.parametrize("variable", VARIABLES, ids=lambda variable: variable.name)
+def test_a_range_ends_where_its_text_says(variable: Variable) -> None:
+    assert (variable.range.text if variable.range else None) == RANGES.get(variable.name)
+    if variable.range is not None:
+        allowed, refused = ENDS[variable.range.text]
+        assert all(map(variable.allows, allowed))
+        assert not any(map(variable.allows, refused))
 
 
 def test_every_unit_and_type_is_defined_and_used() -> None:
