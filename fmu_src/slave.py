@@ -163,7 +163,8 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             self._fail(f"no step from t = {current_time!r} s: {type(error).__name__}")
         if not (isfinite(phi) and isfinite(w)):
             self._report_divergence(current_time, step_size / n)
-        self._phi, self._w, self._nfev = phi, w, self._nfev + nfev
+        # The sign of a zero depends on the terms that are left out: -0.0 becomes 0.0.
+        self._phi, self._w, self._nfev = phi + 0.0, w + 0.0, self._nfev + nfev
         return True
 
     def terminate(self) -> None:

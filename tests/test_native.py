@@ -190,7 +190,7 @@ def kernel_step(
         phi, w, nfev = METHODS[method].solver(pendulum.motion(tau), phi, w, duration / n, n)
     except ValueError:  # math.sin(inf)
         return None
-    return (phi, w, nfev) if isfinite(phi) and isfinite(w) else None
+    return (phi + 0.0, w + 0.0, nfev) if isfinite(phi) and isfinite(w) else None
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=300, deadline=None)

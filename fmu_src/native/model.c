@@ -219,8 +219,8 @@ static bool model_step(Model *model, double time, double duration, Text *text) {
         report_divergence(model, &p, time, duration / n, text);
         return false;
     }
-    values[VR_phi] = phi;
-    values[VR_w] = w;
+    values[VR_phi] = phi + 0.0; /* -0.0 becomes 0.0 */
+    values[VR_w] = w + 0.0;
     values[VR_solver_nfev] = fmin(values[VR_solver_nfev] + (double)nfev, INT32_MAX);
     if (continued) begin_torque(model);
     model->elapsed = duration;

@@ -103,8 +103,8 @@ static double energy(double m, double L, double g, double phi, double w) {
         2.0 * mass.mantissa * gravity.mantissa * length.mantissa * (half.mantissa * half.mantissa);
     const int kinetic_power = mass.power + 2 * (length.power + rate.power);
     const int potential_power = mass.power + gravity.power + length.power + 2 * half.power;
-    if (kinetic == 0.0) return ldexp(potential, potential_power);
     if (potential == 0.0) return ldexp(kinetic, kinetic_power);
+    if (kinetic == 0.0) return ldexp(potential, potential_power);
     const int power = kinetic_power > potential_power ? kinetic_power : potential_power;
     return ldexp(ldexp(kinetic, kinetic_power - power) + ldexp(potential, potential_power - power), power);
 }
