@@ -949,6 +949,14 @@ def test_a_state_with_the_right_checksum_is_refused_too(
     assert words in instance.refusal(lambda: instance.deSerializeFMUstate(bytes(forged)))
 
 
+def test_a_state_before_the_first_step_has_no_step_behind_it(instance: FMU2Instance) -> None:
+    forged = bytearray(instance.serializeFMUstate(instance.getFMUstate()))
+    at = 64 + 8 * len(VARIABLES) + 24
+    forged[at : at + 8] = struct.pack("=d", H)
+    forged[:4] = struct.pack("=I", zlib.crc32(forged[4:]))
+    assert "no instance can be in it" in instance.refusal(lambda: instance.deSerializeFMUstate(bytes(forged)))
+
+
 # Derivatives
 
 
