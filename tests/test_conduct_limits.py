@@ -38,11 +38,6 @@ def setup(instance: Instance, start: float, stop: float | None) -> int:
     return instance.call("fmi2SetupExperiment", 0, 0.0, start, stop is not None, stop or 0.0)
 
 
-def told(instance: Instance) -> list[str]:
-    """Return what the FMU logs as errors; pythonfmu adds a text of its own to each."""
-    return [entry.text for entry in instance.log if entry.status == ERROR]
-
-
 def begin(instance: Instance) -> None:
     for call in ("fmi2EnterInitializationMode", "fmi2ExitInitializationMode"):
         assert instance.call(call) == OK, instance.errors
@@ -102,7 +97,7 @@ def test_a_step_ends_beyond_the_stop_time_by_no_more_than_rounding(
             assert is_error(step_that_ends(instance, stop + Fraction(refused) * unit, duration, unit))
         assert is_error(instance.step(stop, duration))
         assert instance.get(*OUTPUTS) == before
-        assert len(told(instance)) == 4
+        assert len(instance.errors) == 4
         assert step_that_ends(instance, Fraction(stop), duration, unit) == OK
 
 
@@ -127,7 +122,7 @@ def test_the_refusal_names_the_stop_time(fmu: Fmu) -> None:
     with fmu.instance() as instance:
         assert instance.initialize(time=-1.0, stop=0.1) == OK
         assert is_error(instance.step(0.0, 0.3))
-        assert told(instance) == [
+        assert instance.errors == [
             "pendulum: no step from t = 0.0 s over 0.3 s: "
             "it must end at a finite time, not beyond the stop time (0.1 s)"
         ]
@@ -208,7 +203,7 @@ def test_a_clock_too_coarse_for_the_substeps_is_refused(
         twin.step(0.0, h)
         assert instance.step(0.0, h) == OK
         assert is_error(instance.step(time, duration))
-        assert told(instance) == [
+        assert instance.errors == [
             f"pendulum: no step from t = {time!r} s over {duration!r} s: its times are rounded to {rounding!r} s, "
             f"which is more than the longest substep ({h!r} s)"
         ]
@@ -270,7 +265,7 @@ def test_a_hash_is_doubled_in_the_log_where_it_would_name_a_variable(
 ) -> None:
     with fmu.instance(HASHED) as instance:
         fault(instance)
-        (text,) = told(instance)
+        (text,) = instance.errors
     lines = capfd.readouterr().err.splitlines()
     assert text.startswith(f"{SHOWN}: ")
     assert "#" not in text.removeprefix(SHOWN)
@@ -294,7 +289,7 @@ def test_a_state_of_another_interface_is_refused_by_its_name(
         forged = (struct.pack("=I", checksum) if fmu.native else b"%08x" % checksum) + body
         assert is_error(instance.restore_bytes(forged))
         text = f"pendulum: cannot restore the state: it is of '{ours[:-4]}##percent##0', this is '{ours}'"
-        assert told(instance) == [text]
+        assert instance.errors == [text]
         assert capfd.readouterr().err == ("" if fmu.native else text.replace("##", "#") + "\n")
         assert instance.restore_bytes(data) == OK
 
