@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import cycle
-from math import comb, inf, isnan, nan
+from math import comb, isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from hypothesis import HealthCheck, settings
 from validation import races, studies, work_precision
 from validation.__main__ import main
 from validation.fmu import Fmu
-from validation.metrics import largest
 from validation.results import Check, Note, Result
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -136,19 +135,6 @@ def test_a_race_that_could_not_be_run_says_so_and_does_not_hold() -> None:
     row = races.not_measured("faster", 2.0, "no solver reaches it")
     assert not row.holds
     assert row.reason == "not measured: no solver reaches it"
-
-
-@pytest.mark.parametrize("number", [nan, inf, -inf])
-def test_what_is_no_number_keeps_no_bound(number: float) -> None:
-    for low in (False, True):
-        assert not Check("", number, 1.0, "", at_least=low).holds
-        assert not Check("", 1.0, number, "", at_least=low).holds
-
-
-def test_the_largest_of_numbers_with_nan_is_nan() -> None:
-    assert largest((1.0, 3.0, 2.0)) == 3.0
-    for numbers in ((nan, 1.0), (1.0, nan), (1.0, nan, 2.0)):
-        assert isnan(largest(numbers))
 
 
 # The command judges them
