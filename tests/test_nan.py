@@ -1,13 +1,14 @@
 """What is no number keeps no bound of the validation."""
 
 from math import inf, isnan, nan
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from validation import grillo, stability, work_precision
-from validation.fmu import RK4
+from validation.fmu import RK4, Experiment, Fmu
 from validation.metrics import largest
 from validation.results import Check
 from validation.work_precision import Point, WorkScene
@@ -24,6 +25,15 @@ def test_the_largest_of_numbers_with_nan_is_nan() -> None:
     assert largest((1.0, 3.0, 2.0)) == 3.0
     for numbers in ((nan, 1.0), (1.0, nan), (1.0, nan, 2.0)):
         assert isnan(largest(numbers))
+
+
+def test_a_run_that_fails_ends_without_a_number(fmu_path: Path) -> None:
+    with Fmu(fmu_path) as fmu:
+        run = fmu.run(Experiment(1.0, 0.1, {"gamma": 1e6}, record=("phi", "w")))
+        assert run.failure
+        assert len(run.t) == len(run["phi"]) == 2
+        assert np.isnan([run["phi"][-1], run["w"][-1]]).all()
+        assert not Check("stays in the well", float(np.max(np.abs(run["phi"]))), 2.0, "").holds
 
 
 def test_a_stability_map_counts_what_is_no_number(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from contextlib import redirect_stderr
 from ctypes import c_double, c_uint
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import pi, radians, sqrt
+from math import nan, pi, radians, sqrt
 from pathlib import Path
 from time import perf_counter
 from types import TracebackType
@@ -73,7 +73,10 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Run:
-    """Recorded outputs up to the stop, or to where the FMU failed: `failure` says why, "" if it did not."""
+    """Recorded outputs up to the stop, or to where the FMU failed: `failure` says why, "" if it did not.
+
+    The outputs at the end of the step that failed are NaN, so that no bound holds for want of them.
+    """
 
     t: NDArray[np.float64]
     columns: Mapping[str, NDArray[np.float64]]
@@ -163,6 +166,7 @@ class Fmu:
                 if experiment.torque is not None:
                     set_torque(experiment.torque(now))
                 if do_step(component, now, then - now, fmi2True) > fmi2Warning:
+                    rows.append([nan] * len(experiment.record))
                     break
                 if experiment.record:
                     rows.append(read())
