@@ -32,7 +32,12 @@ def clocks(path: Path) -> set[str]:
             found |= {alias.name for alias in node.names if alias.name in ("time", "timeit", "datetime")}
         elif isinstance(node, ast.ImportFrom) and node.module in ("time", "timeit", "datetime"):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.Attribute) and node.attr in ("seconds", "perf_counter", "process_time"):
+        elif isinstance(node, ast.Attribute) and node.attr in (
+            "seconds",
+            "perf_counter",
+            "process_time",
+            "thread_time",
+        ):
             found.add(node.attr)
     return found
 
@@ -89,6 +94,11 @@ def test_the_ends_of_the_interval_are_quotients_of_rounds() -> None:
 
 
 # Races and their rows
+
+
+def test_the_step_of_a_clock_is_the_least_that_it_makes() -> None:
+    ticks = iter([0.0, 0.0, 0.5, 0.5, 0.5, 0.75, *(float(i) for i in range(1, 100))])
+    assert races.granularity(lambda: next(ticks)) == 0.25
 
 
 def runner(times: list[float]) -> Callable[[], float]:

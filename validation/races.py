@@ -1,8 +1,9 @@
 """Races: run times against each other, in rounds that all runners share, and what may be claimed of them.
 
-Whatever else the machine does makes run times longer, by any amount. It meets all runners of a round, so a round gives
-one quotient of their times. A claim is about the median of the quotients, and rests on an interval that contains it
-with a known probability: it holds if the whole interval keeps the bound. A race is run once.
+Times are those that the processor worked for the runner. Whatever else the machine does makes them longer all the
+same, through caches and clock rates. It meets all runners of a round, so a round gives one quotient of their times. A
+claim is about the median of the quotients, and rests on an interval that contains it with a known probability: it holds
+if the whole interval keeps the bound. A race is run once.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import comb, nan
+from time import perf_counter, thread_time
 
 from .results import Check
 
@@ -18,6 +20,22 @@ Runner = Callable[[], float]  # runs once and returns the time [s] of what is ra
 ROUNDS = 21
 SPEND = 0.02  # what each runner runs in a round at least [s]
 CONFIDENCE = 0.95  # at least; that of the interval
+
+
+def granularity(measure: Callable[[], float]) -> float:
+    """Return the least step [s] that a clock was seen to make."""
+
+    def step() -> float:
+        begin = measure()
+        while (end := measure()) == begin:
+            pass
+        return end - begin
+
+    return min(step() for _ in range(10))
+
+
+# Some systems count the work of a thread in ticks of milliseconds.
+clock = thread_time if granularity(thread_time) < 1e-5 else perf_counter
 
 
 @dataclass(frozen=True)
