@@ -44,6 +44,7 @@ PACKAGE = "damped_pendulum"
 DEFAULT_OUTPUT = ROOT / "dist" / f"{interface.MODEL_NAME}.fmu"
 NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
+PURPOSE = "Build dist/DampedPendulum.fmu, or dist/DampedPendulumNative.fmu: the same sources, the same bytes."
 SCRIPT = """\
 from {package}.fmi2 import keep_alive
 from {package}.slave import {model}
@@ -360,7 +361,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
-    parser = Parser(prog="build_fmu.py", description=__doc__.split("\n", 1)[0])
+    parser = Parser(prog="build_fmu.py", description=PURPOSE)
     parser.add_argument(
         "--output", type=Path, metavar="FILE.fmu", help="where to write the FMU instead of into dist"
     )

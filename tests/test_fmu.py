@@ -44,7 +44,7 @@ def outputs(pendulum: Pendulum, phi: float, w: float, tau: float) -> list[float]
     return [phi, w, pendulum.motion(tau).acceleration()(phi, w), pendulum.energy(phi, w)]
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(
     m=st.floats(0.01, 100),
     L=st.floats(0.01, 100),

@@ -1,6 +1,5 @@
 """The native FMU: the Python kernel's bits, FMI 2.0 conduct, other importers, safety of the C code."""
 
-import ctypes
 import os
 import re
 import shutil
@@ -14,8 +13,6 @@ from fractions import Fraction
 from importlib.util import find_spec
 from math import inf, isfinite, log2, nan, pi
 from pathlib import Path
-from statistics import median
-from time import perf_counter
 from typing import Any
 from xml.etree import ElementTree
 
@@ -1853,68 +1850,3 @@ def test_random_calls_find_no_fault_under_the_sanitizers(folder: Path, tmp_path:
         assert done.returncode == 0, f"seed {seed}:\n{done.stderr}"
         counts = {name: int(count) for name, count in re.findall(r"(\w+) (\d+)", done.stdout)}
         assert min(counts.values()) > 0, counts  # every status was reached
-
-
-# Speed: ratios of minima of interleaved repeats in one run, because the machine is noisy
-
-
-def ratio(numerator: Callable[[], float], denominator: Callable[[], float], rounds: int = 41) -> float:
-    """Return the median over rounds of the quotient of run times [s]: what else the machine does meets both."""
-    return median(numerator() / denominator() for _ in range(rounds))
-
-
-def reached(measure: Callable[[], float], bound: float) -> bool:
-    """Return whether one of three measurements reaches the bound: a machine may be busy in one of them."""
-    return any(measure() >= bound for _ in range(3))
-
-
-@pytest.fixture(scope="module")
-def with_python(fmu_path: Path) -> Iterator[FMU2Slave]:
-    folder = fmpy.extract(str(fmu_path))
-    slave = fmpy.instantiate_fmu(folder, fmpy.read_model_description(folder))
-    yield slave
-    slave.freeInstance()
-    shutil.rmtree(folder)
-
-
-def steps(slave: FMU2Slave, count: int, step: float) -> float:
-    """Run the default pendulum with a torque, which lets every term act; return the time [s] of its `count` steps."""
-    slave.reset()
-    slave.setupExperiment(startTime=0.0)
-    slave.setReal([VR["tau"]], [0.1])
-    slave.enterInitializationMode()
-    slave.exitInitializationMode()
-    begin = perf_counter()
-    for i in range(count):
-        slave.doStep(i * step, step)
-    return perf_counter() - begin
-
-
-@needs_compiler
-@pytest.mark.slow
-def test_a_substep_costs_a_tenth_and_no_more_than_a_bare_loop(
-    instance: FMU2Instance, with_python: FMU2Slave, tmp_path: Path
-) -> None:
-    library, n = tmp_path / "loop.so", 20_000
-    command = [COMPILER, *native.FLAGS, "-fPIC", "-shared", HERE / "native_loop.c", "-o", library, "-lm"]
-    subprocess.run(command, check=True)
-    loop = ctypes.CDLL(str(library)).native_loop
-    loop.argtypes, loop.restype = [ctypes.c_double] * 6 + [ctypes.c_int], ctypes.c_double
-
-    def in_c() -> float:
-        return steps(instance, 1, n * 1e-3)
-
-    def in_bare_loop() -> float:
-        begin = perf_counter()
-        loop(0.1, 0.002, 9.80665, pi / 6, 0.0, 1e-3, n)
-        return perf_counter() - begin
-
-    assert reached(lambda: ratio(lambda: steps(with_python, 1, n * 1e-3), in_c), 10)
-    assert reached(lambda: ratio(in_bare_loop, in_c), 1 / 1.25)
-    # The same arithmetic, to the last bit.
-    assert loop(0.1, 0.002, 9.80665, pi / 6, 0.0, n * 1e-3 / n, n) == instance.get("phi")[0]
-
-
-@pytest.mark.slow
-def test_a_step_of_100_substeps_costs_a_seventh(instance: FMU2Instance, with_python: FMU2Slave) -> None:
-    assert reached(lambda: ratio(lambda: steps(with_python, 200, 0.1), lambda: steps(instance, 200, 0.1)), 7)
