@@ -338,7 +338,7 @@ class DampedPendulum(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
                 f"communicationStepSize = {step_size!r} s (allowed: > 0 and finite)"
             )
         largest = max(abs(self._start_time), abs(self._stop_time))
-        slack = max(4.0 * float_info.epsilon * largest, min(1e-9 * largest, 0.1 * step_size))
+        slack = max(4.0 * float_info.epsilon * largest, min(1e-9 * largest, step_size / 10.0))
         end = current_time + step_size
         if not (-inf < end < inf and end <= self._stop_time + slack):
             self._fail(

@@ -1,5 +1,6 @@
 """The native FMU: the Python kernel's bits, FMI 2.0 conduct, other importers, safety of the C code."""
 
+import ctypes
 import os
 import re
 import shutil
