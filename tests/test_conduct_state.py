@@ -405,6 +405,7 @@ class Rollback(RuleBasedStateMachine):
         self.instance.free()
 
 
+@pytest.mark.hypothesis
 def test_random_sequences_of_steps_and_rollbacks_equal_the_twin(fmu: Fmu) -> None:
     run_state_machine_as_test(
         lambda: Rollback(fmu), settings=settings(max_examples=100, stateful_step_count=30)
