@@ -44,6 +44,7 @@ PACKAGES = ("damped_pendulum", "fmi")
 DEFAULT_OUTPUT = ROOT / "dist" / f"{INTERFACE.model_name}.fmu"
 NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
+PURPOSE = "Build dist/DampedPendulum.fmu, or dist/DampedPendulumNative.fmu: the same sources, the same bytes."
 SCRIPT = """\
 from {package}.fmi.wrapper import keep_alive
 from {package}.slave import {model}
@@ -115,7 +116,8 @@ def native_description() -> bytes:
     slave.register_variables()
     slave.modelName = native.MODEL_NAME
     slave.log_categories = {
-        category: slave.log_categories[category] for category in ("logStatusError", "logStatusWarning")
+        category: slave.log_categories[category]
+        for category in ("logStatusWarning", "logStatusDiscard", "logStatusError")
     }
     root = complete(Fmi2Slave.to_xml(slave), INTERFACE, states=True)
     root.set("generationTool", f"{Path(__file__).name} {INTERFACE.version}")
@@ -357,7 +359,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
-    parser = Parser(prog="build_fmu.py", description=__doc__.split("\n", 1)[0])
+    parser = Parser(prog="build_fmu.py", description=PURPOSE)
     parser.add_argument(
         "--output", type=Path, metavar="FILE.fmu", help="where to write the FMU instead of into dist"
     )

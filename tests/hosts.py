@@ -31,6 +31,7 @@ from tests.driver import DISCARD, ERROR, FATAL, OK, WARNING, Fmu, Instance, coll
 
 ROOT = Path(__file__).resolve().parents[1]
 TIMES = 30
+HANGING = 3600.0  # a process that is not through by then [s] hangs; the longest takes seconds
 
 
 def run_host(name: str, fmu: Path, *arguments: str) -> Any:
@@ -44,7 +45,7 @@ def run_host(name: str, fmu: Path, *arguments: str) -> Any:
         | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'fmu_src'}", "LD_LIBRARY_PATH": libraries},
         capture_output=True,
         text=True,
-        timeout=1000.0,
+        timeout=HANGING,
         check=False,
     )
     assert done.returncode == 0, f"exit status {done.returncode}: {done.stderr[-2000:]}"

@@ -112,28 +112,54 @@ static View look(fmi2Component c) {
     return view;
 }
 
+/* Directional derivatives in Initialization Mode, which other calls seldom leave an instance in. */
+static fmi2Status start_of_derivatives(fmi2Component c, const fmi2ValueReference known[],
+                                       const fmi2ValueReference unknown[], const fmi2Real direction[],
+                                       fmi2Real values[]) {
+    fmi2Reset(c);
+    for (int i = 0; i < MOST; i++) {
+        const double value = random_real();
+        fmi2SetReal(c, &known[i], 1, &value);
+    }
+    fmi2EnterInitializationMode(c);
+    const fmi2Status status = fmi2GetDirectionalDerivative(c, unknown, MOST, known, MOST, direction, values);
+    for (int i = 0; i < MOST; i++)
+        if (status == fmi2OK ? !isfinite(values[i]) : values[i] != 0.0) abort();
+    fmi2Reset(c);
+    return fmi2OK;
+}
+
 static fmi2Status call(fmi2Component c, unsigned function) {
     fmi2ValueReference vr[MOST], known[MOST];
     fmi2Real reals[MOST], more[MOST];
     fmi2Integer integers[MOST], orders[MOST];
     fmi2Boolean booleans[MOST] = {0};
     fmi2String strings[MOST] = {"a", "b", "c", "d", "e", "f", "g", "h"};
+    static const fmi2String known_categories[] = {"logStatusWarning", "logStatusDiscard", "logStatusError"};
+    fmi2String categories[MOST];
     for (int i = 0; i < MOST; i++) {
         vr[i] = below(16) ? below(VARIABLE_COUNT + 1) : (fmi2ValueReference)random_bits();
         known[i] = below(4) ? VR_tau + below(3) : below(VARIABLE_COUNT + 2);
         reals[i] = random_real();
         more[i] = 0.0;
         integers[i] = random_integer();
+        categories[i] = below(20) ? known_categories[below(3)] : below(2) ? "%s#" : NULL;
         orders[i] = below(4) ? 1 + (fmi2Integer)below(3) : random_integer();
     }
     if (below(2)) vr[0] = known[0] = VR_tau;
+    if (below(2)) {
+        for (int i = 0; i < MOST; i++) {
+            vr[i] = VR_phi + below(4);
+            if (below(2)) known[i] = below(VR_tau + 1);
+        }
+    }
     const size_t n = below(3) ? 1 : random_count();
     fmi2FMUstate *state = &states[below(STATES)];
     fmi2Status status;
     double end;
     size_t needed;
     switch (function) {
-    case 0: return fmi2SetDebugLogging(c, (fmi2Boolean)below(2), n, or_null(strings));
+    case 0: return fmi2SetDebugLogging(c, (fmi2Boolean)below(2), n, or_null(categories));
     case 1:
         end = random_real();
         return fmi2SetupExperiment(c, fmi2True, random_real(), below(4) ? 0.0 : random_real(), below(4) == 0, end);
@@ -162,13 +188,26 @@ static fmi2Status call(fmi2Component c, unsigned function) {
         if (status == fmi2OK && fmi2SerializedFMUstateSize(c, *state, &size) != fmi2OK) abort();
         return status;
     case 22: corrupt(); return fmi2OK;
-    case 23: return fmi2DeSerializeFMUstate(c, or_null(bytes), size, or_null(state));
+    case 23: {
+        fmi2FMUstate new = below(2) ? *state : (fmi2FMUstate)&bytes[below(BYTES)];
+        const fmi2FMUstate held = new;
+        status = fmi2DeSerializeFMUstate(c, or_null(bytes), size, or_null(&new));
+        if (status == fmi2OK) {
+            if (new == held) abort();
+            free(*state);
+            *state = new;
+        } else if (new != held) {
+            abort();
+        }
+        return status;
+    }
     case 24: return fmi2CancelStep(c);
     case 25: return fmi2GetStatus(c, (fmi2StatusKind)below(5), or_null(&status));
     case 26: return fmi2GetRealStatus(c, (fmi2StatusKind)below(5), or_null(&end));
     case 27: return fmi2GetIntegerStatus(c, (fmi2StatusKind)below(5), or_null(integers));
     case 28: return fmi2GetBooleanStatus(c, (fmi2StatusKind)below(5), or_null(booleans));
     case 29: return fmi2GetStringStatus(c, (fmi2StatusKind)below(5), or_null(strings));
+    case 30: return start_of_derivatives(c, known, vr, reals, more);
     default: return fmi2DoStep(c, random_real(), random_step(), fmi2True);
     }
 }

@@ -2,6 +2,8 @@ import hashlib
 import shutil
 import subprocess
 import sys
+import tarfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -16,9 +18,9 @@ def sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+def command(*arguments: str, optimize: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, ROOT / "build_fmu.py", *arguments],
+        [sys.executable, *optimize, ROOT / "build_fmu.py", *arguments],
         capture_output=True,
         text=True,
         cwd=ROOT,
@@ -38,6 +40,19 @@ def test_the_same_sources_give_the_same_bytes(fmu_path: Path, tmp_path: Path) ->
     again = tmp_path / "again.fmu"
     assert command("--output", str(again)).returncode == 0  # in another process
     assert sha256(again) == sha256(fmu_path)
+
+
+@pytest.mark.parametrize("optimize", ["-O", "-OO"])
+def test_python_without_assertions_or_docstrings_builds_the_same_bytes(
+    fmu_path: Path, tmp_path: Path, optimize: str
+) -> None:
+    again = tmp_path / "again.fmu"
+    done = command("--output", str(again), optimize=[optimize])
+    assert done.returncode == 0, done.stderr
+    assert sha256(again) == sha256(fmu_path)
+    page = command("--help", optimize=[optimize])
+    assert page.returncode == 0
+    assert page.stdout == command("--help").stdout
 
 
 def test_other_sources_give_other_module_names_and_another_guid(fmu_path: Path, tmp_path: Path) -> None:
@@ -103,3 +118,73 @@ def test_help_is_enough() -> None:
     assert result.returncode == 0
     assert "--output" in result.stdout
     assert "DampedPendulum.fmu" in result.stdout
+
+
+# The source distribution
+
+
+WITHOUT = shutil.ignore_patterns(".*", "__pycache__", "dist", "report", "*.egg-info", "build")
+
+
+@pytest.fixture(scope="module")
+def sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of an unpacked source distribution."""
+    folder = tmp_path_factory.mktemp("sdist")
+    tree = folder / "tree"
+    shutil.copytree(ROOT, tree, ignore=WITHOUT)
+    shutil.copytree(ROOT / ".ci", tree / ".ci")
+    program = "from setuptools import build_meta; print(build_meta.build_sdist('..'))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tree, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    with tarfile.open(folder / done.stdout.splitlines()[-1]) as archive:
+        archive.extractall(folder / "unpacked", filter="data")
+    (unpacked,) = (folder / "unpacked").iterdir()
+    return unpacked
+
+
+def files(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_source_distribution_contains_all_that_is_needed(sdist: Path) -> None:
+    tree = sdist.parent.parent / "tree"
+    generated = {name for name in files(tree) if ".egg-info/" in name}
+    assert files(tree) - generated <= files(sdist)
+    assert {
+        "README.md",
+        "LICENSE",
+        "CHANGELOG.md",
+        "CITATION.cff",
+        ".ci/run",
+        "build_fmu.py",
+        "fmu_src/native/fmi2.c",
+        "validation/loop.c",
+        "validation/error_against_run_time.png",
+        "tests/native_host.c",
+    } <= files(sdist)
+    assert not [name for name in files(sdist) if "__pycache__" in name]
+    assert (sdist / ".ci" / "run").stat().st_mode & 0o100
+
+
+def test_a_source_distribution_builds_the_same_fmu(sdist: Path, fmu_path: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.fmu"
+    done = subprocess.run([sys.executable, "build_fmu.py", "--output", again], cwd=sdist, check=False)
+    assert done.returncode == 0
+    assert sha256(again) == sha256(fmu_path)
+
+
+def test_a_source_distribution_has_all_the_tests(sdist: Path) -> None:
+    collected = [
+        subprocess.run(
+            [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        ).stdout.splitlines()[-1]
+        for folder in (ROOT, sdist)
+    ]
+    assert [line.split(" in ")[0] for line in collected] == [collected[0].split(" in ")[0]] * 2
+    assert "tests collected" in collected[0]

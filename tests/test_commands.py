@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,15 @@ import build_fmu
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def command(module: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def command(
+    module: str, *arguments: str | Path, optimize: Sequence[str] = ()
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", module, *arguments], capture_output=True, text=True, cwd=ROOT, check=False
+        [sys.executable, *optimize, "-m", module, *arguments],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
     )
 
 
@@ -69,3 +76,29 @@ def test_quickstart_prints_measured_and_exact(fmu_path: Path) -> None:
     assert result.returncode == 0, result.stderr
     assert "2.041338465858" in result.stdout  # the exact period at 30 deg, 20 digits: 2.0413384658583683343
     assert "impulse" in result.stdout
+
+
+@pytest.mark.parametrize("module", ["validation", "validation.quickstart"])
+def test_help_is_the_same_without_docstrings(module: str) -> None:
+    full, bare = command(module, "--help"), command(module, "--help", optimize=["-OO"])
+    assert full.returncode == bare.returncode == 0
+    assert full.stdout == bare.stdout
+
+
+@pytest.mark.parametrize("optimize", ["-O", "-OO"])
+def test_the_numbers_are_the_same_without_assertions_and_docstrings(fmu_path: Path, optimize: str) -> None:
+    full, bare = (
+        command("validation.quickstart", "--fmu", fmu_path, optimize=options) for options in ((), [optimize])
+    )
+    assert bare.returncode == 0, bare.stderr
+    assert bare.stdout == full.stdout
+
+
+def test_a_study_runs_without_assertions_and_docstrings(fmu_path: Path, tmp_path: Path) -> None:
+    result = command(
+        "validation",
+        *("impulse_response", "--fmu", fmu_path, "--output", tmp_path, "--no-plots"),
+        optimize=["-OO"],
+    )
+    assert result.returncode == 0, result.stderr
+    assert "checks hold" in result.stdout

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from itertools import accumulate, pairwise, repeat
 from math import hypot, sqrt, ulp
 from pathlib import Path
@@ -59,6 +60,24 @@ def test_the_fmu_takes_the_expected_number_of_substeps(
     with fmu.running({"solver.stepSize": h}, time=start) as instance:
         instance.run(points(start, interval, 20))  # type: ignore[operator]
         assert instance.get("solver.nfev") == (4 * 20 * expected,)
+
+
+@pytest.mark.parametrize("n", [1, 10])
+@pytest.mark.parametrize("start", [*STARTS, 0.1, 1e9])
+def test_a_step_that_is_over_the_rounding_of_its_times_takes_one_substep_more(
+    fmu: Fmu, start: float, n: int
+) -> None:
+    # A communication point is a product and a sum at most, two roundings of eps/2 each; a step has two of them.
+    h = 0.25
+    rounding = 2 * Fraction(float_info.epsilon) * Fraction(abs(start) + n * h)
+    assert 4 * rounding < h
+    for units, expected in ((1, n), (4, n + 1)):
+        duration = float(n * Fraction(h) + units * rounding)
+        # What is left of the excess after it is rounded is still at most, or well over, the rounding of the times.
+        assert abs((Fraction(duration) - n * Fraction(h)) / rounding - units) <= Fraction(1, 2)
+        with fmu.running({"solver.stepSize": h}, time=start) as instance:
+            assert instance.step(start, duration) == OK
+            assert instance.get("solver.nfev") == (4 * expected,)
 
 
 @each_way

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from math import inf, isfinite
+from math import inf, isfinite, nextafter
 
 import pytest
 from hypothesis import given
@@ -62,11 +62,11 @@ def test_an_unstable_run_ends_in_an_error_that_says_where_and_why(
     assert found is not None, message
     at, substep, length, limit, stable = (float(found[i]) for i in (1, 2, 3, 6, 7))
     assert found[4] == found[5] == method.name
-    assert length == pytest.approx(h)
+    assert length == pytest.approx(h, rel=1e-15, abs=0)
     assert 1 <= substep <= 10
-    assert at == pytest.approx(time + substep * h)
+    assert at == pytest.approx(time + substep * h, rel=1e-15, abs=0)
     # With w02 << rate^2 the fast eigenvalue is the damping rate: relative error w02/rate^2 <= 1e-7.
-    assert limit == pytest.approx(REAL_LIMIT[method] / rate, rel=1e-5)  # six digits are printed
+    assert limit == pytest.approx(REAL_LIMIT[method] / rate, rel=1e-5, abs=0)  # six digits are printed
     assert limit * 0.9998 < stable < limit
 
 
@@ -165,6 +165,7 @@ def test_an_unstable_step_size_is_warned_of_with_one_that_is_not(
             <= WARNING
         )
         (warning,) = instance.warnings
+    assert warning.category == "logStatusWarning"
     assert warning.category in declared_categories(fmu)
     assert warning.text.startswith(f"solver.stepSize = {factor * limit!r} s is unstable: ")
     found = re.search(r"use solver.stepSize = (\S+) s or less", warning.text)
@@ -173,6 +174,33 @@ def test_an_unstable_step_size_is_warned_of_with_one_that_is_not(
     assert 0.9998 * limit < stable <= limit
     with fmu.running(start | {"solver.method": method, "solver.stepSize": stable}) as instance:
         assert not instance.warnings
+
+
+# Limits that are free of rounding but that of the last operation, for m = 1 kg and L = 1 m.
+EXACT_LIMITS = {
+    # At k2 = 2*w0 both eigenvalues are -w0.
+    "critical Euler": (1, 4.0, 4.0, REAL_LIMIT[1] / 2.0),
+    "critical midpoint": (2, 4.0, 4.0, REAL_LIMIT[2] / 2.0),
+    "critical RK4": (3, 4.0, 4.0, REAL_LIMIT[3] / 2.0),
+    # Without gravity they are 0 and -k2.
+    "Euler in space": (1, 0.0, 4.0, REAL_LIMIT[1] / 4.0),
+    "midpoint in space": (2, 0.0, 4.0, REAL_LIMIT[2] / 4.0),
+    "RK4 in space": (3, 0.0, 4.0, REAL_LIMIT[3] / 4.0),
+    # |1 + h*lambda|^2 = 1 - h*k2 + h^2*w02 for a complex pair.
+    "damped Euler": (1, 4.0, 0.5, 0.5 / 4.0),
+}
+
+
+@pytest.mark.parametrize(("method", "g", "gamma", "limit"), EXACT_LIMITS.values(), ids=EXACT_LIMITS)
+def test_the_warning_begins_above_the_limit(
+    fmu: Fmu, method: int, g: float, gamma: float, limit: float
+) -> None:
+    for h, warned in ((nextafter(limit, 0.0), False), (limit, False), (nextafter(limit, inf), True)):
+        start = {"g": g, "gamma": gamma, "solver.method": method, "solver.stepSize": h}
+        with fmu.instance() as instance:
+            status = instance.initialize(start)
+            assert not is_error(status)
+            assert len(instance.warnings) == warned
 
 
 @given(rate=positive, w02=positive, method=st.sampled_from(EXPLICIT))

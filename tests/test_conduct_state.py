@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from build_fmu import SOURCES, build
-from damped_pendulum.interface import VARIABLES, VERSION
+from damped_pendulum.interface import INTERFACE, VARIABLES
 from damped_pendulum.solvers import SolverMethod
 from tests.driver import OK, Fmu, Instance, is_error
 from tests.hosts import run_host
@@ -184,7 +184,7 @@ def format_of(data: bytes) -> str:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        (f'VERSION = "{VERSION}"', 'VERSION = "99.0.0"'),
+        (f'version="{INTERFACE.version}"', 'version="99.0.0"'),
         ('"m", "Mass"', '"m", "Energy"'),
         ('"> 0", ulp', '">= 1e-9", ulp'),
     ],
@@ -405,6 +405,7 @@ class Rollback(RuleBasedStateMachine):
         self.instance.free()
 
 
+@pytest.mark.hypothesis
 def test_random_sequences_of_steps_and_rollbacks_equal_the_twin(fmu: Fmu) -> None:
     run_state_machine_as_test(
         lambda: Rollback(fmu), settings=settings(max_examples=100, stateful_step_count=30)

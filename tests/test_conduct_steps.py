@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from ctypes import c_char_p, c_uint
 from math import inf, nan
@@ -105,6 +106,27 @@ def test_an_impossible_experiment_is_refused(fmu: Fmu, time: float, stop: float 
     with fmu.instance() as instance:
         assert is_error(instance.call("fmi2SetupExperiment", 0, 0.0, time, stop is not None, stop or 0.0))
         assert f"startTime = {time!r} s must be finite and not beyond stopTime" in instance.errors[0]
+
+
+@pytest.mark.parametrize("time", [0.0, -0.0, 1.0, -3.0, 1e6, -1e300])
+def test_an_experiment_may_end_when_it_begins(fmu: Fmu, time: float) -> None:
+    with fmu.instance() as instance:
+        assert instance.initialize(time=time, stop=time) == OK
+        assert instance.get("phi") == (math.pi / 6,)
+
+
+def test_an_experiment_may_have_an_infinite_stop_time(fmu: Fmu) -> None:
+    with fmu.instance() as instance:
+        assert instance.initialize(stop=inf) == OK
+        assert instance.step(1e6, 0.01) == OK
+
+
+def test_reset_forgets_the_experiment(fmu: Fmu) -> None:
+    with fmu.instance() as instance:
+        assert instance.initialize(stop=1.0) == OK
+        assert instance.reset() == OK
+        assert instance.initialize() == OK
+        assert instance.step(1e6, 0.01) == OK
 
 
 @pytest.mark.parametrize("name", PARAMETERS)

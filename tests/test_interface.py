@@ -1,5 +1,5 @@
 import re
-from math import pi
+from math import inf, nan, pi
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -8,8 +8,9 @@ import pytest
 from fmpy.model_description import ModelDescription, ScalarVariable
 
 import build_fmu
-from damped_pendulum.interface import TYPES, UNITS, VARIABLES, unit_of
+from damped_pendulum.interface import INTERFACE, TYPES, UNITS, VARIABLES
 from damped_pendulum.solvers import SolverMethod
+from fmi.tables import Variable
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -37,7 +38,7 @@ def test_a_variable_is_described_as_in_its_table(variable: object, in_fmu: dict[
     found = in_fmu[variable.name]
     assert found.description == variable.description
     assert found.causality == variable.causality
-    assert (found.unit or "") == unit_of(variable)
+    assert (found.unit or "") == INTERFACE.unit_of(variable)
     variability = "continuous" if found.type == "Real" else "discrete"
     assert found.variability == ("fixed" if variable.causality == "parameter" else variability)
     assert (
@@ -47,6 +48,36 @@ def test_a_variable_is_described_as_in_its_table(variable: object, in_fmu: dict[
         assert found.start is None
     else:
         assert float(found.start) == variable.start  # to the last bit
+
+
+SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # positive doubles
+# The ends of each range: values that are allowed, and their neighbours that are not.
+ENDS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    "> 0": ((SMALLEST, LARGEST), (0.0, -0.0, -SMALLEST, inf, nan)),
+    ">= 0": ((0.0, -0.0, SMALLEST, LARGEST), (-SMALLEST, inf, nan)),
+    "finite": ((-LARGEST, -SMALLEST, 0.0, SMALLEST, LARGEST), (-inf, inf, nan)),
+    "1..4": ((1, 4), (0, 5, -1)),
+}
+RANGES = {
+    "m": "> 0",
+    "L": "> 0",
+    "gamma": ">= 0",
+    "g": "finite",
+    "phi_start": "finite",
+    "w_start": "finite",
+    "solver.method": "1..4",
+    "solver.stepSize": "> 0",
+    "tau": "finite",
+}
+
+
+@pytest.mark.parametrize("variable", VARIABLES, ids=lambda variable: variable.name)
+def test_a_range_ends_where_its_text_says(variable: Variable) -> None:
+    assert (variable.range.text if variable.range else None) == RANGES.get(variable.name)
+    if variable.range is not None:
+        allowed, refused = ENDS[variable.range.text]
+        assert all(map(variable.allows, allowed))
+        assert not any(map(variable.allows, refused))
 
 
 def test_every_unit_and_type_is_defined_and_used() -> None:
@@ -110,7 +141,7 @@ def test_dates_and_flags_are_truthful(description: ModelDescription) -> None:
 
 def test_start_values_can_be_given_in_degrees(fmu_path: Path) -> None:
     result = fmpy.simulate_fmu(str(fmu_path), stop_time=0.01, start_values={"phi_start": (90, "deg")})
-    assert result["phi"][0] == pytest.approx(pi / 2, rel=1e-15)
+    assert result["phi"][0] == pytest.approx(pi / 2, rel=1e-15, abs=0)
 
 
 def test_fmpy_simulates_the_default_experiment_without_options(fmu_path: Path) -> None:

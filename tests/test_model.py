@@ -1,8 +1,11 @@
-from math import inf, pi
+from math import inf, isinf, ldexp, pi
+from operator import neg
+from sys import float_info
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
+from mpmath import mp, mpf
 
 from damped_pendulum.inline import inlined
 from damped_pendulum.model import Motion, Pendulum
@@ -73,11 +76,55 @@ def test_drag_and_torque_count_per_mass(
 
 def test_energy_keeps_its_digits_at_small_angles() -> None:
     # 2*w02*sin(phi/2)^2 = w02*phi^2/2*(1 - phi^2/12), whose second term is far below rounding.
-    assert Pendulum(1.0, 1.0, 0.0, 9.80665).energy(1e-8, 0.0) == pytest.approx(9.80665 / 2 * 1e-16, rel=1e-15)
+    assert Pendulum(1.0, 1.0, 0.0, 9.80665).energy(1e-8, 0.0) == pytest.approx(
+        9.80665 / 2 * 1e-16, rel=1e-15, abs=0
+    )
+
+
+EPS, TINY, HUGE = mpf(float_info.epsilon), mpf(5e-324), mpf(float_info.max)
+sizes = st.builds(ldexp, st.floats(1.0, 2.0, exclude_max=True), st.integers(-1074, 1023)).filter(bool)
+signed = sizes | sizes.map(neg) | st.just(0.0)
+
+
+def is_rounded(found: float, exact: mpf, bound: mpf) -> bool:
+    """Return whether `found` is `exact` to within `bound`, or infinite where that is beyond the range of a double."""
+    if isinf(found):
+        return bool(abs(exact) + bound > HUGE) and (found > 0) == (exact > 0)
+    return bool(abs(found - exact) <= bound)
+
+
+@given(m=sizes, L=sizes, tau=signed)
+@example(m=1e-300, L=1e-11, tau=9.88e-323)
+@example(m=1e300, L=1e200, tau=1e300)
+def test_the_drive_keeps_its_digits_whatever_the_inertia(m: float, L: float, tau: float) -> None:
+    pendulum = Pendulum(m, L, 0.0, 0.0)
+    with mp.workdps(60):
+        J = mpf(m) * mpf(L) ** 2
+        # Two products and a quotient, half a unit each, and the last place of a subnormal number.
+        assert is_rounded(pendulum.J, J, EPS * J * (1 + EPS) + TINY)
+        drive = mpf(tau) / J
+        assert is_rounded(pendulum.motion(tau).drive, drive, 1.5 * EPS * abs(drive) * (1 + 2 * EPS) + TINY)
+
+
+@given(m=sizes, L=sizes, g=signed, phi=signed, w=signed)
+@example(m=1e300, L=1e-100, g=1e50, phi=1.0, w=0.0)
+@example(m=1e-300, L=1e-11, g=0.0, phi=0.0, w=1e11)
+@example(m=1e300, L=1.0, g=-9.81, phi=1e-170, w=0.0)
+def test_the_energy_keeps_its_digits_whatever_its_factors(
+    m: float, L: float, g: float, phi: float, w: float
+) -> None:
+    with mp.workdps(60):
+        kinetic = mpf(m) * mpf(L) ** 2 * mpf(w) ** 2 / 2
+        # Halving a subnormal angle can lose its last bit, which is the energy of an angle that is no double.
+        potential = 2 * mpf(m) * mpf(g) * mpf(L) * mp.sin(mpf(phi / 2)) ** 2
+        size = kinetic + abs(potential)
+        # Half a unit for each product, one for the sine, which counts twice, and half a unit for the sum.
+        bound = 4.5 * EPS * size * (1 + 10 * EPS) + TINY
+        assert is_rounded(Pendulum(m, L, 0.0, g).energy(phi, w), kinetic + potential, bound)
 
 
 def test_energy_of_the_upright_position() -> None:
-    assert Pendulum(2.0, 3.0, 0.0, 10.0).energy(pi, 0.0) == pytest.approx(2 * 2 * 10 * 3, rel=1e-15)
+    assert Pendulum(2.0, 3.0, 0.0, 10.0).energy(pi, 0.0) == pytest.approx(2 * 2 * 10 * 3, rel=1e-15, abs=0)
     assert Pendulum(2.0, 3.0, 0.0, 10.0).energy(0.0, 0.5) == 0.5 * 2 * 9 * 0.25
 
 

@@ -31,7 +31,7 @@ MUTATIONS = {
         "w += sixth * (a123 + a23 + a4)",
         "w += sixth * (a1 + 4 * a2 + a4)",
     ),
-    "half a step": ("slave.py", "self._w, step_size / n, n)", "self._w, 0.5 * step_size / n, n)"),
+    "half a step": ("damped_pendulum/integration.py", "h = duration / n", "h = 0.5 * duration / n"),
 }
 ON_MOTION = ("third-order weights", "half a step")
 ON_DRAG = ("wrong sign of damping", "k for k^2", *ON_MOTION)

@@ -105,7 +105,7 @@ def test_complete_integral_by_agm(k):
 def test_incomplete_integral_continues_beyond_a_right_angle():
     for angle in (-3.0, -1.0, 2.0, 3.1):
         exact = float(mp.ellipf(mp.mpf(angle), mp.mpf("0.75")))
-        assert references.incomplete(angle, 0.25) == pytest.approx(exact, rel=8 * EPS)
+        assert references.incomplete(angle, 0.25) == pytest.approx(exact, rel=8 * EPS, abs=0)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_series_length(amplitude, millionth, trillionth):
 
 def test_series_is_summed_to_the_last_digits():
     exact = float(mp.ellipk(mp.sin(mp.mpf(radians(90)) / 2) ** 2)) * 4 / W0
-    assert references.period_by_series(radians(90), W02, 60) == pytest.approx(exact, rel=8 * EPS)
+    assert references.period_by_series(radians(90), W02, 60) == pytest.approx(exact, rel=8 * EPS, abs=0)
 
 
 # Motion
@@ -215,7 +215,7 @@ def test_jacobi_against_mpmath(m1):
 )
 def test_complement_keeps_its_digits(phi0, rate0):
     exact = mp.cos(mp.mpf(phi0) / 2) ** 2 - mp.mpf(rate0) ** 2 / (4 * mp.mpf(W02))
-    assert references.complement(phi0, rate0, W02) == pytest.approx(float(exact), rel=2 * EPS)
+    assert references.complement(phi0, rate0, W02) == pytest.approx(float(exact), rel=2 * EPS, abs=0)
 
 
 # Linear pendulum
@@ -317,7 +317,7 @@ def test_gaussian_response_has_the_digits_of_the_document_case():
 
 def test_gaussian_response_of_the_pulse_cut_at_its_peak():
     phi, _ = references.gaussian_response(1.0, 1 / sqrt(2 * pi), 0.0, 1.0, 0.002, W02, start=0.0)
-    assert float(phi) == pytest.approx(0.070555779097875582, rel=20 * EPS)
+    assert float(phi) == pytest.approx(0.070555779097875582, rel=20 * EPS, abs=0)
 
 
 def convolution(t, center, variance, k2, start):
@@ -371,5 +371,6 @@ def test_gaussian_response_is_continuous_through_critical_damping():
 
 @pytest.mark.parametrize("k2", [1e3, 1e6, 1e9])
 def test_slow_root_does_not_cancel(k2):
-    exact = (mp.mpf(k2) - mp.sqrt(mp.mpf(k2) ** 2 - 4 * mp.mpf(W02))) / 2
-    assert references.real_roots(k2, W02)[1] == pytest.approx(float(exact), rel=4 * EPS)
+    with mp.workdps(60):  # here the difference loses up to 17 digits
+        exact = (mp.mpf(k2) - mp.sqrt(mp.mpf(k2) ** 2 - 4 * mp.mpf(W02))) / 2
+    assert references.real_roots(k2, W02)[1] == pytest.approx(float(exact), rel=4 * EPS, abs=0)

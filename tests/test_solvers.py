@@ -8,17 +8,16 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from mpmath import mp, mpc, mpf
 
-from damped_pendulum.model import Motion, Pendulum
+from damped_pendulum.model import Motion, Pendulum, solve_kepler
 from damped_pendulum.solvers import (
     MAX_SUBSTEPS,
     METHODS,
     SolverMethod,
     implicit_euler,
-    solve_kepler,
     stability_limit,
     substeps,
-    unique_root_limit,
 )
+from tests.twin import longest_substep
 
 W02 = 9.80665
 HALF, SIXTH, THIRD = Fraction(1, 2), Fraction(1, 6), Fraction(1, 3)
@@ -135,7 +134,7 @@ def test_stability_limit_is_where_the_stability_function_leaves_the_unit_disc(
 
 def test_stability_limits_of_the_undamped_pendulum() -> None:
     limits = [stability_limit(method, 0.0, W02) for method in SolverMethod]
-    assert limits == [0.0, 0.0, pytest.approx(sqrt(8 / W02), rel=1e-15), inf]
+    assert limits == [0.0, 0.0, pytest.approx(sqrt(8 / W02), rel=1e-15, abs=0), inf]
 
 
 def test_without_gravity_and_damping_every_step_is_stable() -> None:
@@ -147,11 +146,22 @@ def test_upside_down_gravity_has_the_limits_of_the_upright_equilibrium() -> None
         assert stability_limit(method, 1.0, -W02) == stability_limit(method, 1.0, W02)
 
 
+@pytest.mark.parametrize("w02", [W02, -W02, -1e-3, -1e6])
 @pytest.mark.parametrize("damping_rate", [0.0, *DAMPING_RATES])
-def test_a_substep_of_implicit_euler_has_one_root(damping_rate: float) -> None:
-    h = unique_root_limit(SolverMethod.ImplicitEuler, damping_rate, W02)
-    s = h * h * W02 / (1 + h * damping_rate)
+def test_a_substep_of_implicit_euler_has_one_root(damping_rate: float, w02: float) -> None:
+    h = Motion(damping_rate, w02, 0.0).longest_implicit_stage()
+    s = h * h * abs(w02) / (1 + h * damping_rate)
     assert 1 - 1e-8 < s < 1  # the limit is kept by a margin of 1e-9 in h, and s grows at most like h^2
+
+
+@pytest.mark.parametrize("method", TABLEAUX)
+@pytest.mark.parametrize("w02", [W02, 0.0, -W02])
+def test_the_length_of_a_substep_is_limited_by_its_roots_in_the_implicit_method_alone(
+    method: SolverMethod, w02: float
+) -> None:
+    pendulum = Pendulum(1.0, 1.0, 0.1, w02)
+    assert longest_substep(method, inf, pendulum) == inf
+    assert (longest_substep(SolverMethod.ImplicitEuler, inf, pendulum) == inf) == (w02 == 0.0)
 
 
 @pytest.mark.parametrize(
@@ -172,6 +182,19 @@ def test_a_substep_of_implicit_euler_has_one_root(damping_rate: float) -> None:
 )
 def test_number_of_substeps(time: float, duration: float, max_step: float, n: int) -> None:
     assert substeps(time, duration, max_step) == n
+
+
+@pytest.mark.parametrize("time", [0.0, 0.1, -3.0, 1e6, -1e6, 1e9])
+@pytest.mark.parametrize("n", [1, 2, 10, 1000])
+def test_what_is_over_the_rounding_of_the_times_takes_one_substep_more(time: float, n: int) -> None:
+    # A communication point is a product and a sum at most, two roundings of eps/2 each; a step has two of them.
+    max_step = 0.25
+    rounding = 2 * Fraction(float_info.epsilon) * Fraction(abs(time) + n * max_step)
+    assert 4 * rounding < max_step
+    for units, expected in ((-1, n), (0, n), (1, n), (4, n + 1)):
+        duration = float(n * Fraction(max_step) + units * rounding)
+        assert abs((Fraction(duration) - n * Fraction(max_step)) / rounding - units) <= Fraction(1, 2)
+        assert substeps(time, duration, max_step) == expected
 
 
 def test_an_endless_communication_step_is_refused() -> None:

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from copy import copy
 
+from damped_pendulum.integration import Integration
 from damped_pendulum.interface import DEFAULTS
 from damped_pendulum.model import Pendulum
-from damped_pendulum.solvers import METHODS, SolverMethod, substeps, unique_root_limit
+from damped_pendulum.solvers import METHODS, SolverMethod, substeps
+
+
+def longest_substep(method: SolverMethod, step_size: float, pendulum: Pendulum) -> float:
+    """Return the upper bound of the substeps [s]."""
+    return Integration(method, step_size, pendulum.motion(), "pendulum", "torque").max_step
 
 
 class Twin:
@@ -18,11 +24,8 @@ class Twin:
         self.phi, self.w, self.nfev = values["phi_start"], values["w_start"], 0
         self.tau = values["tau"]
         method = SolverMethod(values["solver.method"])
-        motion = self.pendulum.motion()
         self.solve = METHODS[method].solver
-        self.max_step = min(
-            values["solver.stepSize"], unique_root_limit(method, motion.damping_rate, motion.w02)
-        )
+        self.max_step = longest_substep(method, values["solver.stepSize"], self.pendulum)
 
     def step(self, time: float, duration: float) -> None:
         n = substeps(time, duration, self.max_step)

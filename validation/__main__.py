@@ -75,11 +75,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run_studies(fmu: Fmu, names: Sequence[str]) -> Iterator[report.Section]:
     """Run studies, show their progress and print each when it is done."""
     loaded = [(name, studies.load(name)) for name in names]
-    total = sum(len(study.SCENES) for _, study in loaded)
+    total = sum(len(study.SCENES) + len(studies.races(study)) for _, study in loaded)
     done, begin = 0, perf_counter()
     for name, study in loaded:
         results: list[Result] = []
-        for scene in study.SCENES:
+        for scene in (*study.SCENES, *studies.races(study)):
             show_progress(done, total, perf_counter() - begin, f"{name}: {scene.name}")
             results += study.run(fmu, scene)
             done += 1

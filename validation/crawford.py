@@ -12,6 +12,7 @@ from scipy.special import ellipkm1
 
 from . import references
 from .fmu import EULER, IMPLICIT_EULER, MIDPOINT, RK4, W02, Experiment, Fmu, degrees
+from .metrics import largest
 from .results import Check, Curve, Plot, Result, Table
 
 TITLE = "Crawford's memorandum: elliptic integral and figures 2 to 9"
@@ -361,7 +362,7 @@ def _figure(fmu: Fmu, scene: FigureScene) -> Iterator[Result]:
     ):
         yield Check(
             f"{scene.name}: {what}",
-            max(abs(row[i] - expected[i]) for row, expected in zip(measured, scene.numbers, strict=True)),
+            largest(abs(row[i] - expected[i]) for row, expected in zip(measured, scene.numbers, strict=True)),
             bound,
             f"at 5, 10, 20 s; 2 runs of {counts[-1]} steps with 2 roundings each, doubled; times to 4 roundings",
             unit,

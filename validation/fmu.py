@@ -9,9 +9,8 @@ from contextlib import redirect_stderr
 from ctypes import c_double, c_uint
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import pi, radians, sqrt
+from math import nan, pi, radians, sqrt
 from pathlib import Path
-from time import perf_counter
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
@@ -19,6 +18,8 @@ import fmpy
 import numpy as np
 from fmpy.fmi2 import fmi2True, fmi2Warning
 from numpy.typing import NDArray
+
+from .races import clock
 
 DEFAULT_PATH = Path(__file__).resolve().parent.parent / "dist" / "DampedPendulum.fmu"
 
@@ -73,7 +74,10 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Run:
-    """Recorded outputs up to the stop, or to where the FMU failed: `failure` says why, "" if it did not."""
+    """Recorded outputs up to the stop, or to where the FMU failed: `failure` says why, "" if it did not.
+
+    The outputs at the end of the step that failed are NaN, so that no bound holds for want of them.
+    """
 
     t: NDArray[np.float64]
     columns: Mapping[str, NDArray[np.float64]]
@@ -158,15 +162,16 @@ class Fmu:
             ready = slave.dll.fmi2ExitInitializationMode(component) <= fmi2Warning
             if ready:
                 rows.append(read())
-            begin = perf_counter()
+            begin = clock()
             for now, then in pairwise(times) if ready else ():
                 if experiment.torque is not None:
                     set_torque(experiment.torque(now))
                 if do_step(component, now, then - now, fmi2True) > fmi2Warning:
+                    rows.append([nan] * len(experiment.record))
                     break
                 if experiment.record:
                     rows.append(read())
-            seconds = perf_counter() - begin
+            seconds = clock() - begin
             nfev = slave.getInteger([self._reference["solver.nfev"]])[0]
         failure = next((text for status, text in self._messages if status > fmi2Warning), "")
         table = np.array(rows, dtype=float).reshape(len(rows), len(experiment.record))

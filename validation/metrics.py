@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import log2
 from typing import TypeVar
 
@@ -18,6 +18,11 @@ Quantity = TypeVar("Quantity", float, Array)
 def state_error(phi: Array, w: Array, exact: tuple[Array, Array], w0: float = W0) -> float:
     """Return the largest distance [rad] between states (phi, w/w0)."""
     return float(np.max(np.hypot(phi - exact[0], (w - exact[1]) / w0)))
+
+
+def largest(values: Iterable[float]) -> float:
+    """Return the largest of `values`, and NaN if one is NaN, which Python's max() can lose."""
+    return float(np.max(np.fromiter(values, dtype=float)))
 
 
 def observed_order(coarse: float, fine: float) -> float:

@@ -17,6 +17,9 @@ from .__main__ import Parser
 from .fmu import DEFAULT_PATH, W02, Fmu, UnusableFmuError
 from .metrics import upward_crossings
 
+PURPOSE = (
+    "Run the default experiment with FMPy and print its period and impulse response beside the exact ones."
+)
 IMPULSE_RATE = 1e-6  # initial rate after the impulse [rad/s], small enough for the linear answer to hold
 K2 = 0.002  # default damping rate [1/s]
 SHOWN = (0.5, 1.0, 2.0, 5.0, 10.0)  # [s]
@@ -24,7 +27,7 @@ SHOWN = (0.5, 1.0, 2.0, 5.0, 10.0)  # [s]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
-    parser = Parser(prog="python -m validation.quickstart", description=__doc__)
+    parser = Parser(prog="python -m validation.quickstart", description=PURPOSE)
     parser.add_argument("--fmu", type=Path, default=DEFAULT_PATH, metavar="FILE.fmu", help="the FMU")
     parser.add_argument(
         "--plot",

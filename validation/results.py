@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, isfinite
 
 from numpy.typing import ArrayLike
 
@@ -32,7 +32,9 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether the bound is kept; never so for NaN."""
+        """Whether the bound is kept; never so where one of the two numbers is none."""
+        if not (isfinite(self.measured) and isfinite(self.bound)):
+            return False
         return self.measured >= self.bound if self.at_least else self.measured <= self.bound
 
     @property

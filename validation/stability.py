@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from . import references
 from .fmu import EULER, IMPLICIT_EULER, METHOD_NAMES, MIDPOINT, RK4, W0, W02, Experiment, Fmu
+from .metrics import largest
 from .results import Check, Curve, Plot, Result, Table
 
 TITLE = "Stability"
@@ -178,8 +179,9 @@ def _map(fmu: Fmu, method: int) -> Iterator[Result]:
     steps = np.logspace(-4, 0.5, 40)
     radius = np.array([[measured_radius(fmu, method, k2, h) for k2 in damping_rates] for h in steps])
     expected = np.array([[theoretical_radius(degree, k2, h) for k2 in damping_rates] for h in steps])
-    decided = np.abs(expected - 1) > 1e-12  # closer to the boundary than that, rounding decides
-    wrong = decided & ((radius > 1) != (expected > 1))
+    decided = ~(np.abs(expected - 1) <= 1e-12)  # closer to the boundary than that, rounding decides
+    right = np.where(expected > 1, radius > 1, radius <= 1)  # NaN is neither
+    wrong = decided & ~right
     yield Check(
         f"stability map of {METHOD_NAMES[method]}",
         int(np.sum(wrong)),
@@ -386,7 +388,7 @@ def _several_roots(fmu: Fmu) -> Iterator[Result]:
 
 
 def _implicit_is_stable(fmu: Fmu) -> Iterator[Result]:
-    worst = max(
+    worst = largest(
         measured_radius(fmu, IMPLICIT_EULER, k2, h) for k2 in (0.0, *DAMPING_RATES) for h in (1e-3, 1.0, 1e3)
     )
     yield Check("spectral radius of ImplicitEuler", worst, 1.0, "|R| = 1/|1 - h*lambda| < 1 for every step")

@@ -11,7 +11,7 @@ import numpy as np
 
 from . import references, taylor
 from .fmu import EULER, IMPLICIT_EULER, METHOD_NAMES, MIDPOINT, RK4, W0, W02, Experiment, Fmu
-from .metrics import state_error, upward_crossings
+from .metrics import largest, state_error, upward_crossings
 from .results import Check, Curve, Plot, Result, Table
 from .stability import DRIFTS
 
@@ -134,7 +134,7 @@ def _fast_spin(fmu: Fmu) -> Iterator[Result]:
     )
     yield Check(
         "spin at 1e6 rad/s, resolved with h = 1e-6 s",
-        max(relative(run["phi"][-1], phi), relative(run["w"][-1], w)),
+        largest((relative(run["phi"][-1], phi), relative(run["w"][-1], w))),
         ulp(1e6) / 2 / h / 1e6,
         "half an ulp of 1e6 a substep; the increments are nearly equal, so the roundings do not average out",
     )
@@ -148,7 +148,7 @@ def _huge_torque(fmu: Fmu) -> Iterator[Result]:
         walk = sqrt(1 / h) * EPS / 2
         yield Check(
             f"torque of 1e12 N.m for 1 s, h = {h:g} s",
-            max(relative(run["phi"][-1], 5e11), relative(run["w"][-1], 1e12)),
+            largest((relative(run["phi"][-1], 5e11), relative(run["w"][-1], 1e12))),
             W02 / 1e12 + 3 * walk,
             "phi = 5e11, w = 1e12 but for gravity, a relative w02/1e12, and 3 sigma of rounding",
         )

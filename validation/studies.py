@@ -1,7 +1,8 @@
 """The studies by name, in the order of the report.
 
 A study is a module with TITLE, FORMULA (with its source), SCENES (data with `name` and `slow`) and
-run(fmu, scene), which yields the results of a scene.
+run(fmu, scene), which yields the results of a scene. It may have RACES: scenes whose rows are about run times, which
+depend on what else the machine does. The command judges them, too, but no test does.
 """
 
 from __future__ import annotations
@@ -44,6 +45,11 @@ class Study(Protocol):
     SCENES: Sequence[Scene]
 
     def run(self, fmu: Fmu, scene: Any) -> Iterator[Result]: ...  # noqa: D102  # described by the module
+
+
+def races(study: Study) -> Sequence[Scene]:
+    """Return the scenes of `study` that are about run times."""
+    return cast(Sequence[Scene], getattr(study, "RACES", ()))
 
 
 def load(name: str) -> Study:

@@ -1,33 +1,48 @@
-"""Error against run time: every method over its step sizes, SciPy's integrators as yardsticks, all in one run."""
+"""Error against run time: every method over its step sizes, SciPy's integrators as yardsticks, all in one run.
+
+The rows of SCENES are about errors, those of RACES about run times.
+"""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from math import exp, inf, isnan, log, nan, pi, radians, sin, sqrt, ulp
-from time import perf_counter
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import odeint, solve_ivp
 
-from . import references, taylor
+from . import races, references, taylor
 from .fmu import EULER, IMPLICIT_EULER, METHOD_NAMES, MIDPOINT, RK4, W0, W02, Experiment, Fmu, Run
-from .metrics import observed_order, state_error
+from .loops import Loop, NoCompilerError, c_loop, python_loop
+from .metrics import largest, observed_order, state_error
+from .races import Ratio, clock
 from .results import Check, Curve, Note, Plot, Result, Table
 
 TITLE = "Error against run time"
-FORMULA = "error = |(phi, w/w0) - exact|, time: minimum of repeats of all doStep calls of a run, h = 2^-k s"
+FORMULA = (
+    "error = |(phi, w/w0) - exact|, time of the processor: least of repeats of all doStep calls, h = 2^-k s"
+)
 
 ORDERS = {EULER: 1, MIDPOINT: 2, RK4: 4, IMPLICIT_EULER: 1}
 REPEATS = 3
-ROUNDS = 9  # of a race
 FAMILIES = {"solve_ivp": ("RK45", "DOP853", "LSODA"), "odeint": ("odeint",)}
 LINES = {EULER: ("-", "o"), MIDPOINT: ("-", "s"), RK4: ("-", "^"), IMPLICIT_EULER: ("-", "v")}
 TARGETS = tuple(10.0**-k for k in range(3, 13))
 FASTER_AT = tuple(10.0**-k for k in range(3, 10))  # errors at which the FMU is to be faster than solve_ivp
 FASTER_BY = {False: 2.0, True: 20.0}  # at least so many times; by whether the FMU is native
+SUBSTEP = 1e-3  # of the races of substeps [s]
+SUBSTEPS = 20_000  # of such a race, all in one communication step
+TORQUE = 0.1  # lets every term of the equation act [N.m]
+LOOP_NAMES = {False: "bare loop in Python", True: "bare loop in C"}  # by whether the FMU is native
+NO_SLOWER_THAN = {False: 1.4, True: 1.25}  # a substep of the FMU in units of that of the bare loop
+NATIVE_FASTER_BY = {SUBSTEPS: 10.0, 100: 7.0}  # by the number of substeps in a communication step
+SCIPY_SPEND = 0.005  # of a race against SciPy [s]: its runs take longer than that
 COMMUNICATION_STEPS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01)
 
 Exact = Callable[[Sequence[float]], references.State]
@@ -74,6 +89,14 @@ class RatioScene:
 
     name: str = "time to reach an error, undamped 90 deg"
     slow: bool = True
+
+
+@dataclass(frozen=True)
+class SubstepScene:
+    """A substep of the FMU against loops that were written by hand, and one carrier against the other."""
+
+    name: str = "substeps against bare loops, and one carrier against the other"
+    slow: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,7 +148,7 @@ EXPLICIT = {EULER: range(8, 15), MIDPOINT: range(4, 14), RK4: range(3, 13), IMPL
 # amplitude error of the Euler methods, pi*h*w0 a period, is then below 0.1 over the whole run.
 SLOPES = ((EULER, 13), (IMPLICIT_EULER, 12), (MIDPOINT, 9), (RK4, 7))
 
-SCENES: tuple[WorkScene | RatioScene | CostScene | SavingScene, ...] = (
+SCENES: tuple[WorkScene | SavingScene, ...] = (
     WorkScene(
         "undamped 30 deg, 10 periods",
         {"gamma": 0.0},
@@ -200,10 +223,9 @@ SCENES: tuple[WorkScene | RatioScene | CostScene | SavingScene, ...] = (
         solvers=("LSODA", "Radau"),
         slopes=((IMPLICIT_EULER, -8),),
     ),
-    RatioScene(),
-    CostScene(),
     SavingScene(),
 )
+RACES = (RatioScene(), SubstepScene(), CostScene())
 
 
 def _overdamped(t: Sequence[float], k2: float) -> references.State:
@@ -212,12 +234,14 @@ def _overdamped(t: Sequence[float], k2: float) -> references.State:
     return phi, -W02 / k2 * np.sin(phi)
 
 
-def run(fmu: Fmu, scene: WorkScene | RatioScene | CostScene | SavingScene) -> Iterator[Result]:
+def run(fmu: Fmu, scene: WorkScene | SavingScene | RatioScene | SubstepScene | CostScene) -> Iterator[Result]:
     """Yield the rows, tables and pictures of a scene."""
     if isinstance(scene, WorkScene):
         yield from _work(fmu, scene)
     elif isinstance(scene, RatioScene):
         yield from _ratio(fmu)
+    elif isinstance(scene, SubstepScene):
+        yield from _substeps(fmu)
     elif isinstance(scene, CostScene):
         yield from _cost(fmu)
     else:
@@ -229,18 +253,22 @@ def run(fmu: Fmu, scene: WorkScene | RatioScene | CostScene | SavingScene) -> It
 
 def fmu_point(fmu: Fmu, scene: WorkScene, method: int, h: float, step: float, spend: float = 0.02) -> Point:
     """Return errors and time of a run of the FMU with substeps of at most `h` [s], repeated for `spend` [s]."""
-    start = scene.start | {"solver.method": method, "solver.stepSize": h}
-    step = h if scene.drive is not None else step
-    drive = scene.drive
-    torque = None if drive is None else lambda t: drive(t + h / 2)
-    recorded = fmu.run(Experiment(scene.stop, step, start, torque, ("phi", "w")))
-    final, largest = _errors(scene, recorded)
-    timed = Experiment(scene.stop, step, start, torque, ())
+    recorded = fmu.run(_experiment(scene, method, h, step, ("phi", "w")))
+    final, worst = _errors(scene, recorded)
+    timed = _experiment(scene, method, h, step, ())
     seconds, spent = recorded.seconds, 0.0
     while spent < spend and not recorded.failure:
         again = fmu.run(timed).seconds
         seconds, spent = min(seconds, again), spent + again
-    return Point(h, final, largest, seconds, recorded.nfev, recorded.failure)
+    return Point(h, final, worst, seconds, recorded.nfev, recorded.failure)
+
+
+def _experiment(scene: WorkScene, method: int, h: float, step: float, record: Sequence[str]) -> Experiment:
+    start = scene.start | {"solver.method": method, "solver.stepSize": h}
+    drive = scene.drive
+    if drive is None:
+        return Experiment(scene.stop, step, start, None, record)
+    return Experiment(scene.stop, h, start, lambda t: drive(t + h / 2), record)
 
 
 def _errors(scene: WorkScene, run: Run) -> tuple[float, float]:
@@ -277,7 +305,7 @@ def scipy_point(scene: WorkScene, solver: str, tolerance: float, repeats: int = 
     longest = {"max_step": 0.25} if drive is not None else {}
     best = inf
     for _ in range(repeats):
-        begin = perf_counter()
+        begin = clock()
         if solver == "odeint":
             ends, info = odeint(
                 f,
@@ -295,7 +323,7 @@ def scipy_point(scene: WorkScene, solver: str, tolerance: float, repeats: int = 
                 f, (0.0, scene.stop), y0, method=solver, rtol=tolerance, atol=absolute, **longest
             )
             y, nfev = solution.y[:, -1], solution.nfev
-        best = min(best, perf_counter() - begin)
+        best = min(best, clock() - begin)
         if best > 0.05:
             break
     exact = scene.exact([0.0, scene.stop])
@@ -372,10 +400,13 @@ def _floor(scene: WorkScene, points: Sequence[Point]) -> Check:
 def _divergence(scene: WorkScene, method: int, points: Sequence[Point]) -> Check:
     """Return the row that runs beyond the stability limit, and no others, fail or end with an error above 1."""
     limit = (2.7852935634 if method == RK4 else 2.0) / scene.k2
-    wrong = sum((point.label > limit) != (point.error > 1) for point in points)
+    right = sum(point.error > 1 if point.label > limit else point.error <= 1 for point in points)
     name = f"{METHOD_NAMES[method]} is lost beyond its limit, and only there; {scene.name}"
     return Check(
-        name, wrong, 0, f"real stability limit {limit:.3e} s; {len(points)} runs, those on the wrong side"
+        name,
+        len(points) - right,
+        0,
+        f"real stability limit {limit:.3e} s; {len(points)} runs, those on the wrong side",
     )
 
 
@@ -442,12 +473,17 @@ def _carrier(fmu: Fmu) -> str:
 
 def _other_carrier(fmu: Fmu, scene: WorkScene) -> list[Curve]:
     """Return the curve of RK4 in the FMU that carries the same model otherwise, if it lies beside this one."""
-    path = fmu.path.with_name("DampedPendulum.fmu" if fmu.native else "DampedPendulumNative.fmu")
+    path = _beside(fmu)
     if not path.is_file():
         return []
     with Fmu(path) as other:
         points = [fmu_point(other, scene, RK4, 2.0**-k, scene.step) for k in scene.exponents[RK4]]
         return [_curve(f"{_carrier(other)} {METHOD_NAMES[RK4]}", points, "-.", "D")]
+
+
+def _beside(fmu: Fmu) -> Path:
+    """Return where the FMU that carries the same model otherwise lies, if it was built."""
+    return fmu.path.with_name("DampedPendulum.fmu" if fmu.native else "DampedPendulumNative.fmu")
 
 
 def _plot(scene: WorkScene, curves: Sequence[Curve]) -> Plot:
@@ -468,25 +504,16 @@ def _ratio(fmu: Fmu) -> Iterator[Result]:
     for target in TARGETS:
         h = _step_for(fmu, scene, target, sweep)
         rivals = {family: _fastest(of_scipy, solvers, target) for family, solvers in FAMILIES.items()}
-        for _ in range(3):  # what else the machine does can lose a race
-            own, times, of_target = _race(fmu, scene, h, rivals)
-            if target not in FASTER_AT or of_target["solve_ivp"] >= FASTER_BY[fmu.native]:
-                break
-        for family, ratio in of_target.items():
-            ratios[family].append(ratio)
+        times = _race(fmu, scene, h, rivals)
+        measured = {family: _against(times, family) for family in FAMILIES}
         if target in FASTER_AT:
-            solver, tolerance = rivals["solve_ivp"]
-            yield Check(
-                f"FMU against the best of solve_ivp at an error of {target:.0e}",
-                ratios["solve_ivp"][-1],
-                FASTER_BY[fmu.native],
-                f"RK4 with h = {h:.3g} s, 1 s communication step; {solver} with tolerance {tolerance:.1e}",
-                at_least=True,
-            )
-        of_rivals = [x for family in FAMILIES for x in (*rivals[family], times[family])]
-        rows.append(
-            (f"{target:.0e}", METHOD_NAMES[RK4], h, own, *of_rivals, *(r[-1] for r in ratios.values()))
-        )
+            yield _faster(fmu, target, h, rivals["solve_ivp"], measured["solve_ivp"])
+        for family, ratio in measured.items():
+            ratios[family].append(nan if ratio is None else ratio.median)
+        fastest = {name: min(seconds) for name, seconds in times.items()}
+        of_rivals = [x for family in FAMILIES for x in (*rivals[family], fastest.get(family, ""))]
+        shown = [_interval(ratio) for ratio in measured.values()]
+        rows.append((f"{target:.0e}", METHOD_NAMES[RK4], h, fastest["FMU"], *of_rivals, *shown))
     yield Table(
         "What to use to reach an error, undamped 90 deg over 10 periods",
         (
@@ -497,7 +524,9 @@ def _ratio(fmu: Fmu) -> Iterator[Result]:
         ),
         rows,
         note="solve_ivp: best of RK45, DOP853, LSODA; odeint is the older interface to LSODA, all in Fortran but the "
-        "right-hand side. SciPy gets a right-hand side of math.sin and tuples and the tolerance that suits it best.",
+        "right-hand side. SciPy gets a right-hand side of math.sin and tuples and the tolerance that suits it best. "
+        f"Times are the shortest, ratios medians of {races.ROUNDS} rounds with their "
+        f"{100 * races.CONFIDENCE:g} percent intervals.",
     )
     yield Note(_conclusion(ratios), headline=True)
     yield from _communication(fmu, scene, of_scipy)
@@ -525,27 +554,44 @@ def _step_for(fmu: Fmu, scene: WorkScene, target: float, sweep: Sequence[Point])
 
 def _race(
     fmu: Fmu, scene: WorkScene, h: float, rivals: dict[str, tuple[str, float]]
-) -> tuple[float, dict[str, float], dict[str, float]]:
-    """Return the times [s] of the FMU and of its rivals, minima over rounds, and the medians of rival/FMU of a round.
+) -> dict[str, list[float]]:
+    """Return the times [s] of the FMU and of those rivals that reach the error, a number a round."""
+    experiment = _experiment(scene, RK4, h, scene.step, ())
+    runners: dict[str, races.Runner] = {"FMU": lambda: fmu.run(experiment).seconds}
+    for family, (solver, tolerance) in rivals.items():
+        if not isnan(tolerance):
+            runners[family] = partial(_scipy_seconds, scene, solver, tolerance)
+    return races.race(runners, spend=SCIPY_SPEND)
 
-    In a round all run within some ten milliseconds, so that what else the machine does meets all of them.
-    """
-    own: list[float] = []
-    times: dict[str, list[float]] = {family: [] for family in rivals}
-    for _ in range(ROUNDS):
-        own.append(fmu_point(fmu, scene, RK4, h, scene.step, spend=0.005).seconds)
-        for family, (solver, tolerance) in rivals.items():
-            reaches = tolerance > 0
-            times[family].append(scipy_point(scene, solver, tolerance, repeats=1).seconds if reaches else inf)
-    ratios = {family: float(np.median(np.divide(times[family], own))) for family in rivals}
-    return min(own), {family: min(seconds) for family, seconds in times.items()}, ratios
+
+def _scipy_seconds(scene: WorkScene, solver: str, tolerance: float) -> float:
+    return scipy_point(scene, solver, tolerance, repeats=1).seconds
+
+
+def _against(times: dict[str, list[float]], rival: str) -> Ratio | None:
+    """Return how many times as fast as `rival` the FMU was, None if that did not take part."""
+    return races.ratio(times[rival], times["FMU"]) if rival in times else None
+
+
+def _faster(fmu: Fmu, target: float, h: float, rival: tuple[str, float], measured: Ratio | None) -> Check:
+    name = f"time: FMU against the best of solve_ivp at an error of {target:.0e}"
+    if measured is None:
+        return races.not_measured(name, FASTER_BY[fmu.native], "no solver of solve_ivp reaches this error")
+    solver, tolerance = rival
+    reason = f"RK4 with h = {h:.3g} s, 1 s communication step; {solver} with tolerance {tolerance:.1e}"
+    return races.at_least(name, measured, FASTER_BY[fmu.native], reason)
+
+
+def _interval(ratio: Ratio | None) -> str:
+    return "none" if ratio is None else f"{ratio.median:.3g} ({ratio.low:.3g} to {ratio.high:.3g})"
 
 
 def _conclusion(ratios: dict[str, list[float]]) -> str:
-    def worst(family: str) -> tuple[float, float]:
-        return min((ratio, target) for ratio, target in zip(ratios[family], TARGETS, strict=True))
-
-    ivp, ivp_at = worst("solve_ivp")
+    ivp, ivp_at = min(
+        (ratio, target)
+        for ratio, target in zip(ratios["solve_ivp"], TARGETS, strict=True)
+        if not isnan(ratio)
+    )
     lost = [f"{target:.0e}" for ratio, target in zip(ratios["odeint"], TARGETS, strict=True) if ratio < 2]
     return (
         "For an undamped swing from 90 deg over 10 periods the FMU with RK4 and a communication step of 1 s reaches an "
@@ -559,7 +605,8 @@ def _conclusion(ratios: dict[str, list[float]]) -> str:
 
 def _communication(fmu: Fmu, scene: WorkScene, of_scipy: dict[str, list[Point]]) -> Iterator[Result]:
     target = 1e-6
-    best = min(p.seconds for s in ("RK45", "DOP853", "LSODA") for p in of_scipy[s] if p.error <= target)
+    reaching = (p.seconds for s in FAMILIES["solve_ivp"] for p in of_scipy[s] if p.error <= target)
+    best = min(reaching, default=nan)
     h = 0.0125
     points = [fmu_point(fmu, scene, RK4, h, step, spend=0.1) for step in COMMUNICATION_STEPS]
     yield Table(
@@ -570,6 +617,64 @@ def _communication(fmu: Fmu, scene: WorkScene, of_scipy: dict[str, list[Point]])
             for step, p in zip(COMMUNICATION_STEPS, points, strict=True)
         ],
     )
+
+
+def _substeps(fmu: Fmu) -> Iterator[Result]:
+    with ExitStack() as stack:
+        carriers = {fmu.native: fmu}
+        loops: dict[bool, Loop] = {False: python_loop}
+        if _beside(fmu).is_file():
+            carriers[not fmu.native] = stack.enter_context(Fmu(_beside(fmu)))
+        else:
+            yield Note(f"Left out: the races with the other carrier, because there is no {_beside(fmu)}.")
+        if True in carriers:
+            try:
+                loops[True] = c_loop(Path(stack.enter_context(tempfile.TemporaryDirectory())))
+            except NoCompilerError as error:
+                yield Note(f"Left out: the race of the native FMU against a {LOOP_NAMES[True]}: {error}.")
+        yield from _race_substeps(carriers, {native: loops[native] for native in carriers if native in loops})
+
+
+def _race_substeps(carriers: dict[bool, Fmu], loops: dict[bool, Loop]) -> Iterator[Result]:
+    long = Experiment(SUBSTEPS * SUBSTEP, SUBSTEPS * SUBSTEP, {"tau": TORQUE}, record=())
+    runners = {_carrier(carrier): partial(_seconds, carrier, long) for carrier in carriers.values()}
+    runners |= {LOOP_NAMES[native]: partial(_loop_seconds, loop) for native, loop in loops.items()}
+    times = races.race(runners)
+    what = f"RK4, {SUBSTEPS} substeps in one communication step, all terms act"
+    for native in loops:
+        carrier, loop = _carrier(carriers[native]), LOOP_NAMES[native]
+        yield races.at_most(
+            f"time: substep of the {carrier} against a {loop}",
+            races.ratio(times[carrier], times[loop]),
+            NO_SLOWER_THAN[native],
+            f"{what}; the loop is written for this pendulum alone",
+        )
+    if len(carriers) < 2:
+        return
+    yield _native_is_faster("substep", times, SUBSTEPS, what)
+    short = Experiment(20.0, 100 * SUBSTEP, {"tau": TORQUE}, record=())
+    times = races.race(
+        {_carrier(carrier): partial(_seconds, carrier, short) for carrier in carriers.values()}
+    )
+    reason = "RK4, all terms act; the call from Python counts for both"
+    yield _native_is_faster("communication step of 100 substeps", times, 100, reason)
+
+
+def _native_is_faster(what: str, times: dict[str, list[float]], substeps: int, reason: str) -> Check:
+    name = f"time: {what} of the FMU in units of that of the native FMU"
+    ratio = races.ratio(times["FMU"], times["native FMU"])
+    return races.at_least(name, ratio, NATIVE_FASTER_BY[substeps], reason)
+
+
+def _seconds(fmu: Fmu, experiment: Experiment) -> float:
+    return fmu.run(experiment).seconds
+
+
+def _loop_seconds(loop: Loop) -> float:
+    """Return the time [s] of the default pendulum under `TORQUE` in a bare loop."""
+    begin = clock()
+    loop(TORQUE, 0.002, W02, pi / 6, 0.0, SUBSTEP, SUBSTEPS)
+    return clock() - begin
 
 
 def _cost(fmu: Fmu) -> Iterator[Result]:
@@ -599,7 +704,7 @@ def _saving(fmu: Fmu) -> Iterator[Result]:
         results = [fmu.run(experiment) for _ in range(2 * REPEATS)]
         runs.append(results[0])
         times.append(min(result.seconds for result in results))
-    difference = max(float(np.max(np.abs(runs[0][name] - runs[1][name]))) for name in ("phi", "w"))
+    difference = largest(float(np.max(np.abs(runs[0][name] - runs[1][name]))) for name in ("phi", "w"))
     yield Check(
         "the full form gives the same numbers as the one without drag",
         difference,

@@ -25,7 +25,9 @@ class Integration:
     max_step : upper bound of the substeps [s], with which every implicit stage has a single solution, too
     """
 
-    def __init__(self, method: SolverMethod, step_size: float, motion: Motion, system: str, drive: str) -> None:
+    def __init__(
+        self, method: SolverMethod, step_size: float, motion: Motion, system: str, drive: str
+    ) -> None:
         self.method, self.system, self.drive = method, system, drive
         self.limit = stability_limit(method, motion.damping_rate, motion.w02)
         is_implicit = METHODS[method].stages is None
@@ -58,7 +60,8 @@ class Integration:
             self._report_divergence(phi, w, time, h)
         if not (isfinite(phi_then) and isfinite(w_then)):
             self._report_divergence(phi, w, time, h)
-        return phi_then, w_then, nfev
+        # The sign of a zero depends on the terms that are left out: -0.0 becomes 0.0.
+        return phi_then + 0.0, w_then + 0.0, nfev
 
     def _report_divergence(self, phi: float, w: float, time: float, h: float) -> NoReturn:
         """Raise with the substep that left the range of a double, found by taking them one by one."""

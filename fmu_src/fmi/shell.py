@@ -102,9 +102,7 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         cls.default_experiment = DefaultExperiment(*interface.experiment)
         cls._format = interface.state_format(interface.model_name)
         cls._reference = interface.references()
-        cls._inputs = [
-            vr for vr, variable in enumerate(interface.variables) if variable.causality == "input"
-        ]
+        cls._inputs = [vr for vr, variable in enumerate(interface.variables) if variable.causality == "input"]
         readers = {
             vr: cls.outputs.get(variable.name, _reader_of_value(vr))
             for vr, variable in enumerate(interface.variables)
@@ -388,7 +386,7 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
                 f"communicationStepSize = {step_size!r} s (allowed: > 0 and finite)"
             )
         largest = max(abs(self._start_time), abs(self._stop_time))
-        slack = max(4.0 * float_info.epsilon * largest, min(1e-9 * largest, 0.1 * step_size))
+        slack = max(4.0 * float_info.epsilon * largest, min(1e-9 * largest, step_size / 10.0))
         end = current_time + step_size
         if not (-inf < end < inf and end <= self._stop_time + slack):
             self.fail(

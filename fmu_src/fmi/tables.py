@@ -153,5 +153,7 @@ class Interface(NamedTuple):
             f"{variable.range.text if variable.range else ''}"
             for variable in self.variables
         ]
-        rows += [f"{item.name} {item.value}" for enumeration in self.enumerations for item in enumeration.items]
+        rows += [
+            f"{item.name} {item.value}" for enumeration in self.enumerations for item in enumeration.items
+        ]
         return f"{model_name} {self.version} {crc32(chr(10).join(rows).encode()):08x}"

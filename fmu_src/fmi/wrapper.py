@@ -38,4 +38,3 @@ def release_wrappers(model_name: str) -> None:
         if path.endswith(f"/{model_name}.so"):
             with suppress(OSError):  # loaded under another name, and its file is gone
                 ctypes.CDLL(path, mode=os.RTLD_NOLOAD | os.RTLD_NOW).finalizePythonInterpreter()
-

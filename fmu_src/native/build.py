@@ -6,11 +6,14 @@ this machine.
 
 from __future__ import annotations
 
+import os
 import shutil
 import struct
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
@@ -18,18 +21,22 @@ from typing import NamedTuple
 
 import fmpy
 
-from damped_pendulum import interface
-from damped_pendulum.fmi2 import TYPE_OF
+from damped_pendulum.interface import INTERFACE
 from damped_pendulum.solvers import MAX_SUBSTEPS, METHODS, SolverMethod
+from fmi.tables import Range, Variable
 
 FOLDER = Path(__file__).resolve().parent
-MODEL_NAME = f"{interface.MODEL_NAME}Native"
-SOURCES = ("pendulum.c", "fmi2.c")
-HEADERS = ("pendulum.h", "interface.h")
+MODEL_NAME = f"{INTERFACE.model_name}Native"
+SOURCES = ("all.c",)  # which includes the other C files
+INCLUDED = ("text.c", "text.h", "pendulum.c", "pendulum.h", "model.c", "model.h", "fmi2.c", "interface.h")
+MAX_INPUT_ORDER = (
+    3  # of the derivatives of the torque; with these no method loses any of its order, 4 at most
+)
 MAX_OUTPUT_ORDER = 2  # of the derivatives that fmi2GetRealOutputDerivatives knows
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = (
     "-std=c11",
+    "-DFMI2_OVERRIDE_FUNCTION_PREFIX",  # the functions of a shared library have no prefix
     "-O3",
     "-ffp-contract=off",
     "-fno-builtin-sin",  # no sincos(): the same functions as Python's
@@ -60,13 +67,13 @@ class Target(NamedTuple):
 TARGETS = (
     Target("linux64", ".so", ("x86_64-linux-gnu.2.17",)),
     Target("win64", ".dll", ("x86_64-windows-gnu",)),
-    Target("darwin64", ".dylib", ("x86_64-macos", "aarch64-macos")),
+    Target("darwin64", ".dylib", ("x86_64-macos.11.0", "aarch64-macos.11.0")),
 )
 
 
 def sources(guid: str) -> dict[str, bytes]:
     """Return the C files by name, the generated one included."""
-    names = [name for name in (*SOURCES, *HEADERS) if name != "interface.h"]
+    names = [name for name in (*SOURCES, *INCLUDED) if name != "interface.h"]
     return {name: (FOLDER / name).read_bytes() for name in names} | {"interface.h": header(guid).encode()}
 
 
@@ -74,15 +81,16 @@ def header(guid: str) -> str:
     """Return interface.h: interface.h.in with the interface tables filled in."""
     marks = {
         "GUID": guid,
-        "STATE_FORMAT": f"{MODEL_NAME} {interface.VERSION}",
-        "REFERENCES": ", ".join(f"VR_{variable.name.replace('.', '_')}" for variable in interface.VARIABLES),
-        "VARIABLES": "\n".join(map(_row, interface.VARIABLES)),
+        "STATE_FORMAT": INTERFACE.state_format(MODEL_NAME),
+        "REFERENCES": ", ".join(f"VR_{variable.name.replace('.', '_')}" for variable in INTERFACE.variables),
+        "VARIABLES": "\n".join(map(_row, INTERFACE.variables)),
         "METHODS": ", ".join(f"{method.name} = {method.value}" for method in SolverMethod),
         "METHOD_ROWS": "\n".join(
             f'    [{method.name}] = {{"{method.name}", {_c_double(METHODS[method].real_limit)}}},'
             for method in SolverMethod
         ),
         "MAX_SUBSTEPS": str(MAX_SUBSTEPS),
+        "MAX_INPUT_ORDER": str(MAX_INPUT_ORDER),
         "MAX_OUTPUT_ORDER": str(MAX_OUTPUT_ORDER),
     }
     text = (FOLDER / "interface.h.in").read_text("utf-8")
@@ -91,10 +99,10 @@ def header(guid: str) -> str:
     return text
 
 
-def _row(variable: interface.Variable) -> str:
-    kind = "REAL" if variable.type in TYPE_OF else "INTEGER"
-    allowed = variable.range or interface.Range("", 0.0, 0.0)
-    strings = ", ".join(f'"{text}"' for text in (variable.name, interface.unit_of(variable), allowed.text))
+def _row(variable: Variable) -> str:
+    kind = "REAL" if INTERFACE.is_real(variable) else "INTEGER"
+    allowed = variable.range or Range("", 0.0, 0.0)
+    strings = ", ".join(f'"{text}"' for text in (variable.name, INTERFACE.unit_of(variable), allowed.text))
     numbers = ", ".join(map(_c_double, (variable.start or 0.0, allowed.lowest, allowed.highest)))
     return f"    {{{strings}, {kind}, {variable.causality.upper()}, {numbers}}},"
 
@@ -114,12 +122,43 @@ def binaries(guid: str) -> dict[str, bytes]:
     if find_spec("ziglang") is None:
         return host_binary(guid)
     zig = [sys.executable, "-m", "ziglang", "cc", "-target"]
-    return {
-        _place(target.platform, target.suffix): joined(
-            [library([*zig, triple], guid, target.suffix) for triple in target.triples]
-        )
-        for target in TARGETS
-    }
+    with zig_environment() as environment:
+        return {
+            _place(target.platform, target.suffix): joined(
+                [library([*zig, triple], guid, target.suffix, environment) for triple in target.triples]
+            )
+            for target in TARGETS
+        }
+
+
+@contextmanager
+def zig_environment() -> Iterator[dict[str, str]]:
+    """Yield the environment of zig: with a cache that is thrown away where that of the user cannot be written."""
+    if "ZIG_GLOBAL_CACHE_DIR" in os.environ or _can_be_written(_zig_cache()):
+        yield dict(os.environ)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        yield os.environ | {"ZIG_GLOBAL_CACHE_DIR": folder}
+
+
+def _zig_cache() -> Path | None:
+    """Return where zig keeps its cache, None where it knows no place."""
+    places = (
+        [("LOCALAPPDATA", "zig")] if os.name == "nt" else [("XDG_CACHE_HOME", "zig"), ("HOME", ".cache/zig")]
+    )
+    known = [Path(os.environ[name], below) for name, below in places if os.environ.get(name)]
+    return known[0] if known else None
+
+
+def _can_be_written(folder: Path | None) -> bool:
+    if folder is None:
+        return False
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
 
 
 def host_binary(guid: str) -> dict[str, bytes]:
@@ -135,8 +174,8 @@ def _place(platform: str, suffix: str) -> str:
     return f"binaries/{platform}/{MODEL_NAME}{suffix}"
 
 
-def library(compiler: list[str], guid: str, suffix: str) -> bytes:
-    """Return the shared library that `compiler` makes."""
+def library(compiler: list[str], guid: str, suffix: str, environment: dict[str, str] | None = None) -> bytes:
+    """Return the shared library that `compiler` makes, in `environment` if it is given."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, content in sources(guid).items():
@@ -145,7 +184,9 @@ def library(compiler: list[str], guid: str, suffix: str) -> bytes:
         hidden = [] if suffix == ".dll" else ["-fPIC", "-fvisibility=hidden"]
         options = [*FLAGS, *hidden, "-s", "-shared", f"-I{FMI_HEADERS}", "-o", output.name]
         command = [*compiler, *options, *SOURCES, "-lm"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+        )
         if done.returncode != 0:
             raise CompilationError(f"{' '.join(command)}:\n{done.stderr}")
         return output.read_bytes()

@@ -2,9 +2,9 @@
 
 #include <math.h>
 
-double native_loop(double drive, double damping_rate, double w02, double phi, double w, double h, int n);
+double loop(double drive, double damping_rate, double w02, double phi, double w, double h, int n);
 
-double native_loop(double drive, double damping_rate, double w02, double phi, double w, double h, int n) {
+double loop(double drive, double damping_rate, double w02, double phi, double w, double h, int n) {
     const double half = h / 2, sixth = h / 6, half_half = half * half, half_h = half * h, sixth_h = sixth * h;
     for (int i = 0; i < n; i++) {
         const double middle = phi + half * w, end = phi + h * w;
