@@ -186,7 +186,7 @@ def format_of(data: bytes) -> str:
     [
         (f'version="{INTERFACE.version}"', 'version="99.0.0"'),
         ('"m", "Mass"', '"m", "Energy"'),
-        ('"> 0", ulp', '">= 1e-9", ulp'),
+        ("1.0, POSITIVE", "1.0, FINITE"),
     ],
     ids=["version", "type", "range"],
 )
