@@ -1,3 +1,4 @@
+import dis
 from math import inf, isinf, ldexp, pi
 from operator import neg
 from sys import float_info
@@ -9,7 +10,7 @@ from mpmath import mp, mpf
 
 from damped_pendulum.inline import inlined
 from damped_pendulum.model import Motion, Pendulum
-from damped_pendulum.solvers import METHODS, SolverMethod, explicit_runge_kutta4
+from damped_pendulum.solvers import METHODS, Solver, SolverMethod, explicit_runge_kutta4
 
 angles = st.floats(-2 * pi, 2 * pi)
 rates = st.floats(-10, 10)
@@ -19,15 +20,22 @@ torques = dampings.map(lambda size: 2.0 * size) | dampings.map(lambda size: -2.0
 methods = st.sampled_from(SolverMethod)
 
 
+def loaded(solver: Solver) -> set[str]:
+    """Return the local variables that a solver reads."""
+    instructions = (i for i in dis.get_instructions(solver) if i.opname.startswith("LOAD_FAST"))
+    return {name for i in instructions for name in (i.argval if isinstance(i.argval, tuple) else (i.argval,))}
+
+
 @given(method=methods, terms=st.tuples(*[st.sampled_from([0.0, 0.7, 3.0])] * 3), phi=angles, w=rates)
 def test_terms_that_do_not_act_are_left_out_and_change_nothing(
     method: SolverMethod, terms: tuple[float, float, float], phi: float, w: float
 ) -> None:
     motion, solver = Motion(*terms), METHODS[method].solver
-    for name, value in zip(("drag", "gravity", "drive"), terms, strict=True):
-        assert (name in motion.acting_terms()) == (value != 0)
     fast = inlined(solver, motion)
     assert (fast is solver) == (method is SolverMethod.ImplicitEuler)
+    if fast is not solver:
+        for name, value in zip(("drag", "gravity", "drive"), terms, strict=True):
+            assert (name in loaded(fast)) == (value != 0)
     assert fast(motion, phi, w, 0.01, 20) == solver(motion, phi, w, 0.01, 20)
 
 

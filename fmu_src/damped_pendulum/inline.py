@@ -1,7 +1,7 @@
 """Explicit solvers with the acting terms of the acceleration written into their loops, as one would by hand.
 
 A call costs CPython more than the arithmetic of a stage, and a scene should not pay for terms that are zero. The result
-equals that of the solver as it reads in `solvers.py` bit for bit.
+equals that of the solver as it reads in `solvers.py` bit for bit, but for the sign of a zero.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import ast
 from functools import cache
 from inspect import getsource
 from itertools import repeat
-from math import sin
 from typing import Any
 
 from .model import Motion
@@ -18,8 +17,11 @@ from .solvers import METHODS, Solver
 
 
 def inlined(solver: Solver, motion: Motion) -> Solver:
-    """Return `solver` for motions with the acting terms of `motion`; unchanged where it has no source to rewrite."""
-    return _inlined(solver, motion.acting_terms())
+    """Return `solver` for motions with the acting terms of `motion`; unchanged where it has no source to rewrite.
+
+    A term whose coefficient is zero is left out, which changes no value but the sign of a zero.
+    """
+    return _inlined(solver, type(motion), tuple(map(bool, motion.coefficients())))
 
 
 def _source(solver: Solver) -> str | None:
@@ -34,26 +36,28 @@ _SOURCES = {method.solver: _source(method.solver) for method in METHODS.values()
 
 
 @cache
-def _inlined(solver: Solver, terms: str) -> Solver:
+def _inlined(solver: Solver, motion: type[Motion], acting: tuple[bool, ...]) -> Solver:
     source = _SOURCES.get(solver)
     if source is None:
         return solver
-    tree = _Inline(terms).visit(ast.parse(source))
-    names: dict[str, Any] = {"sin": sin, "repeat": repeat}
+    terms = motion.terms()
+    expression = " + ".join(term for term, acts in zip(terms.values(), acting, strict=True) if acts)
+    tree = _Inline(", ".join(terms), expression or "0.0").visit(ast.parse(source))
+    names: dict[str, Any] = {"repeat": repeat, **motion.functions()}
     exec(ast.unparse(tree), names)
     inlined_solver: Solver = names[tree.body[0].name]
     return inlined_solver
 
 
 class _Inline(ast.NodeTransformer):
-    """Replaces acceleration(x, y) by the terms with x for phi and y for w."""
+    """Replaces acceleration(x, y) by the expression with x for phi and y for w."""
 
-    def __init__(self, terms: str) -> None:
-        self.terms = terms
+    def __init__(self, coefficients: str, expression: str) -> None:
+        self.coefficients, self.expression = coefficients, expression
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST:
         if ast.unparse(node) == "acceleration = motion.acceleration()":
-            return ast.parse("drive, drag, gravity = motion.coefficients()").body[0]
+            return ast.parse(f"{self.coefficients} = motion.coefficients()").body[0]
         return self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
@@ -61,7 +65,7 @@ class _Inline(ast.NodeTransformer):
             return self.generic_visit(node)
         phi, w = node.args
         expression: ast.expr = _Substitute({"phi": phi, "w": w}).visit(
-            ast.parse(self.terms, mode="eval").body
+            ast.parse(self.expression, mode="eval").body
         )
         return expression
 

@@ -40,17 +40,18 @@ class Motion(NamedTuple):
         return lambda phi, w: drive + drag * w + gravity * sin(phi)
 
     def coefficients(self) -> tuple[float, float, float]:
-        """Return drive, drag and gravity, the factors of the terms of der(w)."""
+        """Return drive, drag and gravity, the coefficients of `terms`."""
         return self.drive, -self.damping_rate, -self.w02
 
-    def acting_terms(self) -> str:
-        """Return der(w) as an expression of phi, w and the coefficients that leaves out the terms that are zero.
+    @staticmethod
+    def terms() -> dict[str, str]:
+        """Return coefficient -> term of der(w) as an expression of phi, w and the coefficient."""
+        return {"drive": "drive", "drag": "drag * w", "gravity": "gravity * sin(phi)"}
 
-        Its value equals that of the full form.
-        """
-        terms = ("drive", "drag * w", "gravity * sin(phi)")
-        acting = [term for term, factor in zip(terms, self.coefficients(), strict=True) if factor]
-        return " + ".join(acting) or "0.0"
+    @staticmethod
+    def functions() -> dict[str, Callable[[float], float]]:
+        """Return the functions that the terms call, by name."""
+        return {"sin": sin}
 
     def implicit_stage(self, b: float) -> ImplicitStage:
         """Return the solution x, v and its evaluations of v = w + b*a(x, v), x = phi + b*v as a function of phi and w.
