@@ -21,7 +21,8 @@ def inlined(solver: Solver, motion: Motion) -> Solver:
 
     A term whose coefficient is zero is left out, which changes no value but the sign of a zero.
     """
-    return _inlined(solver, type(motion), tuple(map(bool, motion.coefficients())))
+    acting = tuple(map(bool, motion.coefficients()))
+    return _inlined(solver, type(motion), acting)  # type: ignore[arg-type]  # mypy takes no class for hashable
 
 
 def _source(solver: Solver) -> str | None:
