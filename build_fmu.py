@@ -34,13 +34,14 @@ ROOT = Path(__file__).resolve().parent
 SOURCES = ROOT / "fmu_src"
 sys.path.insert(0, str(SOURCES))
 
-from damped_pendulum.interface import DEFAULTS, INTERFACE  # noqa: E402  # found through the line above
-from damped_pendulum.solvers import METHODS, SolverMethod, stability_limit  # noqa: E402
-from fmi.description import complete  # noqa: E402
+from fmi.description import complete  # noqa: E402  # found through the line above
+from methods.solvers import METHODS, SolverMethod, stability_limit  # noqa: E402
 from native import build as native  # noqa: E402
-from slave import DampedPendulum  # noqa: E402
+from slave import SLAVE  # noqa: E402
 
-PACKAGES = ("damped_pendulum", "fmi")
+INTERFACE = SLAVE.interface
+PACKAGES = sorted(path.parent.name for path in SOURCES.glob("*/__init__.py"))
+MODEL_PACKAGE = SLAVE.model.__module__.partition(".")[0]
 DEFAULT_OUTPUT = ROOT / "dist" / f"{INTERFACE.model_name}.fmu"
 NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
@@ -112,7 +113,7 @@ def in_sources(files: dict[str, bytes]) -> dict[str, bytes]:
 
 def native_description() -> bytes:
     """Return modelDescription.xml of the native FMU: that of the slave, with what the native binary can do."""
-    slave = DampedPendulum(instance_name=native.MODEL_NAME)
+    slave = SLAVE(instance_name=native.MODEL_NAME)
     slave.register_variables()
     slave.modelName = native.MODEL_NAME
     slave.log_categories = {
@@ -164,7 +165,7 @@ def stage(sources: Path, folder: Path) -> Path:
     digest = hashlib.sha256(SCRIPT.encode())
     for path in files:
         digest.update(path.relative_to(sources).as_posix().encode() + b"\0" + path.read_bytes())
-    package = f"{PACKAGES[0]}_{digest.hexdigest()[:8]}"
+    package = f"{MODEL_PACKAGE}_{digest.hexdigest()[:8]}"
     own_import = re.compile(rf"^from ({'|'.join(PACKAGES)})\b", re.MULTILINE)
     for path in files:
         target = folder / package / path.relative_to(sources)
@@ -189,7 +190,7 @@ def restored_imports() -> Iterator[None]:
         sys.dont_write_bytecode = write_bytecode
         sys.path[:] = path
         for name in set(sys.modules) - modules:
-            if name.startswith(PACKAGES[0]):
+            if name.startswith(MODEL_PACKAGE):
                 del sys.modules[name]
 
 
@@ -237,9 +238,9 @@ def variable_rows() -> list[Sequence[str]]:
 
 
 def method_rows() -> list[Sequence[str]]:
-    """Return the table of the methods, header first; the limits are those of small swings."""
-    w02 = DEFAULTS["g"] / DEFAULTS["L"]
-    damping_rate = DEFAULTS["gamma"] / DEFAULTS["m"]
+    """Return the table of the methods, header first; the limits are those of small motions of the default model."""
+    start = {variable.name: variable.start or 0.0 for variable in INTERFACE.variables}
+    motion = SLAVE.model(*map(start.__getitem__, SLAVE.model._fields)).motion(0.0)
     rows: list[Sequence[str]] = [
         (
             "value",
@@ -253,8 +254,10 @@ def method_rows() -> list[Sequence[str]]:
     ]
     for method in SolverMethod:
         known = METHODS[method]
-        limits = [stability_limit(method, rate, w02) for rate in (0.0, damping_rate)]
-        stiff = "any step" if known.real_limit == inf else f"{known.real_limit:.4g} m/gamma"
+        limits = [stability_limit(method, rate, motion.w02) for rate in (0.0, motion.damping_rate)]
+        stiff = (
+            "any step" if known.real_limit == inf else f"{known.real_limit:.4g} {SLAVE.names.damping_time}"
+        )
         shown = ["any step" if h == inf else "no step" if h == 0 else f"{h:.4g} s" for h in limits]
         stages = "1 or more (Newton)" if known.stages is None else str(known.stages)
         rows.append((str(method.value), method.name, str(known.order), stages, *shown, stiff))

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fmpy import simulate_fmu
 
-from damped_pendulum.solvers import METHODS, SolverMethod, substeps
+from methods.solvers import METHODS, SolverMethod, substeps
 from tests.driver import OK, Fmu
 from tests.twin import Twin
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from damped_pendulum.solvers import SolverMethod, stability_limit
+from methods.solvers import SolverMethod, stability_limit
 from tests.driver import OK, WARNING, Fmu, Instance, is_error
 
 EXPLICIT = (SolverMethod.ExplicitEuler, SolverMethod.ExplicitMidPoint2, SolverMethod.ExplicitRungeKutta4)

@@ -8,7 +8,7 @@ from sys import float_info
 import pytest
 from mpmath import mp, mpf
 
-from damped_pendulum.solvers import SolverMethod
+from methods.solvers import SolverMethod
 from tests.driver import OK, Fmu
 
 EPS = float_info.epsilon

@@ -19,7 +19,7 @@ from mpmath import mpf
 
 from build_fmu import build_native
 from damped_pendulum.interface import INTERFACE
-from damped_pendulum.solvers import SolverMethod
+from methods.solvers import SolverMethod
 from native.build import CompilerError
 from tests.driver import ERROR, OK, Fmu, Instance, is_error
 from tests.test_conduct_outputs import ENERGY_BOUND, exact_energy

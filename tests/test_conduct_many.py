@@ -93,7 +93,7 @@ def wrong_fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
     """A build whose kernel weighs the stages of the Runge-Kutta method wrongly."""
     folder = tmp_path_factory.mktemp("wrong")
     sources = shutil.copytree(SOURCES, folder / "fmu_src", ignore=shutil.ignore_patterns("__pycache__"))
-    solvers = sources / "damped_pendulum" / "solvers.py"
+    solvers = sources / "methods" / "solvers.py"
     text = solvers.read_text("utf-8")
     assert "sixth = h / 6" in text
     solvers.write_text(text.replace("sixth = h / 6", "sixth = h / 5"), "utf-8")

@@ -16,7 +16,7 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, rule,
 
 from build_fmu import SOURCES, build
 from damped_pendulum.interface import INTERFACE, VARIABLES
-from damped_pendulum.solvers import SolverMethod
+from methods.solvers import SolverMethod
 from tests.driver import OK, Fmu, Instance, is_error
 from tests.hosts import run_host
 from tests.twin import OUTPUTS, Twin

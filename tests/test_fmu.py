@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import build_fmu
 from damped_pendulum.interface import VARIABLES
 from damped_pendulum.model import Pendulum
-from damped_pendulum.solvers import METHODS, SolverMethod, substeps
+from methods.solvers import METHODS, SolverMethod, substeps
 from tests.twin import longest_substep
 
 REFERENCE = {variable.name: vr for vr, variable in enumerate(VARIABLES)}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from damped_pendulum.solvers import SolverMethod
+from methods.solvers import SolverMethod
 from tests.twin import OUTPUTS, Twin
 
 PROGRAM = """
@@ -18,8 +18,8 @@ import sys
 resources, package = sys.argv[1:]
 sys.path.insert(0, resources)
 slave = __import__(f"{package}.slave", fromlist=["slave"])
-solvers = sys.modules[f"{package}.damped_pendulum.solvers"]
-reference = slave.INTERFACE.references()
+solvers = sys.modules[f"{package}.methods.solvers"]
+reference = slave.SLAVE.interface.references()
 for method in solvers.SolverMethod:
     pendulum = slave.DampedPendulum(instance_name="bytecode")
     pendulum.set_integer([reference["solver.method"]], [method])

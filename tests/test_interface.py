@@ -9,8 +9,8 @@ from fmpy.model_description import ModelDescription, ScalarVariable
 
 import build_fmu
 from damped_pendulum.interface import INTERFACE, TYPES, UNITS, VARIABLES
-from damped_pendulum.solvers import SolverMethod
 from fmi.tables import Variable
+from methods.solvers import SolverMethod
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -8,9 +8,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
-from damped_pendulum.inline import inlined
 from damped_pendulum.model import Motion, Pendulum
-from damped_pendulum.solvers import METHODS, Solver, SolverMethod, explicit_runge_kutta4
+from methods.inline import inlined
+from methods.solvers import METHODS, Solver, SolverMethod, explicit_runge_kutta4
 
 angles = st.floats(-2 * pi, 2 * pi)
 rates = st.floats(-10, 10)

@@ -27,11 +27,11 @@ MUTATIONS = {
     ),
     "dropped torque": ("damped_pendulum/model.py", "drive = tau / J", "drive = 0.0 * tau"),
     "third-order weights": (
-        "damped_pendulum/solvers.py",
+        "methods/solvers.py",
         "w += sixth * (a123 + a23 + a4)",
         "w += sixth * (a1 + 4 * a2 + a4)",
     ),
-    "half a step": ("damped_pendulum/integration.py", "h = duration / n", "h = 0.5 * duration / n"),
+    "half a step": ("methods/integration.py", "h = duration / n", "h = 0.5 * duration / n"),
 }
 ON_MOTION = ("third-order weights", "half a step")
 ON_DRAG = ("wrong sign of damping", "k for k^2", *ON_MOTION)

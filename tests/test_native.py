@@ -29,8 +29,8 @@ from hypothesis import strategies as st
 import build_fmu
 from damped_pendulum.interface import INTERFACE, VARIABLES
 from damped_pendulum.model import Pendulum
-from damped_pendulum.solvers import METHODS, SolverMethod, substeps
 from fmi.shell import FmuError
+from methods.solvers import METHODS, SolverMethod, substeps
 from native import build as native
 from slave import DampedPendulum
 from tests.twin import longest_substep

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mpmath import mp, mpc, mpf
 
 from damped_pendulum.model import Motion, Pendulum, solve_kepler
-from damped_pendulum.solvers import (
+from methods.solvers import (
     MAX_SUBSTEPS,
     METHODS,
     SolverMethod,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from copy import copy
 
-from damped_pendulum.integration import Integration
 from damped_pendulum.interface import DEFAULTS
 from damped_pendulum.model import Pendulum
-from damped_pendulum.solvers import METHODS, SolverMethod, substeps
+from methods.integration import Integration
+from methods.solvers import METHODS, SolverMethod, substeps
 
 
 def longest_substep(method: SolverMethod, step_size: float, pendulum: Pendulum) -> float:

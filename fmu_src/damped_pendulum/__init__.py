@@ -1,1 +1,1 @@
-"""The damped pendulum without FMI: model, solvers and interface tables, standard library only."""
+"""The damped pendulum: its model, which knows no FMI, and the tables of its interface; standard library only."""

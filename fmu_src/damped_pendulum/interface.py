@@ -17,8 +17,7 @@ from fmi.tables import (
     Unit,
     Variable,
 )
-
-from .solvers import METHODS, SolverMethod
+from methods.solvers import METHODS, SolverMethod
 
 A_METHOD = Range(f"1..{len(SolverMethod)}", min(SolverMethod), max(SolverMethod))
 

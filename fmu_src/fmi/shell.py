@@ -96,6 +96,8 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
 
     def __init_subclass__(cls) -> None:
         """Derive from the tables what every instance needs, once."""
+        if not hasattr(cls, "interface"):
+            return  # a class for a kind of models
         interface = cls.interface
         cls.author, cls.description = interface.author, interface.description
         cls.license, cls.version = interface.license, interface.version

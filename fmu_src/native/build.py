@@ -21,11 +21,12 @@ from typing import NamedTuple
 
 import fmpy
 
-from damped_pendulum.interface import INTERFACE
-from damped_pendulum.solvers import MAX_SUBSTEPS, METHODS, SolverMethod
 from fmi.tables import Range, Variable
+from methods.solvers import MAX_SUBSTEPS, METHODS, SolverMethod
+from slave import SLAVE
 
 FOLDER = Path(__file__).resolve().parent
+INTERFACE = SLAVE.interface
 MODEL_NAME = f"{INTERFACE.model_name}Native"
 SOURCES = ("all.c",)  # which includes the other C files
 INCLUDED = ("text.c", "text.h", "pendulum.c", "pendulum.h", "model.c", "model.h", "fmi2.c", "interface.h")

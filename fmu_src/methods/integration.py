@@ -6,8 +6,7 @@ from math import inf, isfinite
 from typing import NoReturn
 
 from .inline import inlined
-from .model import Motion
-from .solvers import METHODS, Solver, SolverMethod, stability_limit, substeps
+from .solvers import METHODS, Motion, Solver, SolverMethod, stability_limit, substeps
 
 
 class Integration:

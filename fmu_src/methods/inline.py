@@ -12,8 +12,7 @@ from inspect import getsource
 from itertools import repeat
 from typing import Any
 
-from .model import Motion
-from .solvers import METHODS, Solver
+from .solvers import METHODS, Motion, Solver
 
 
 def inlined(solver: Solver, motion: Motion) -> Solver:
@@ -22,7 +21,7 @@ def inlined(solver: Solver, motion: Motion) -> Solver:
     A term whose coefficient is zero is left out, which changes no value but the sign of a zero.
     """
     acting = tuple(map(bool, motion.coefficients()))
-    return _inlined(solver, type(motion), acting)  # type: ignore[arg-type]  # mypy takes no class for hashable
+    return _inlined(solver, type(motion), acting)
 
 
 def _source(solver: Solver) -> str | None:
