@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from build_fmu import SOURCES, build
-from damped_pendulum.interface import INTERFACE, VARIABLES
+from damped_pendulum.interface import INTERFACE
 from damped_pendulum.solvers import SolverMethod
-from tests.driver import OK, Fmu, Instance, is_error
+from tests.driver import OK, VR, Fmu, Instance, is_error
 from tests.hosts import run_host
 from tests.twin import OUTPUTS, Twin
 
@@ -220,7 +220,6 @@ def forged(data: bytes, **entries: object) -> bytes:
     return sealed(state)
 
 
-VR = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
 WRONG_TYPES = (None, "1", True, [1.0], {}, 10**400)
 FORGED = {
     f"{name} = {str(entry)[:20]}": ({name: entry}, told)
