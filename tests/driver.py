@@ -20,11 +20,9 @@ from fmpy.fmi2 import (
     fmi2CallbackLoggerTYPE,
     fmi2FMUstate,
 )
-
-from damped_pendulum.interface import VARIABLES
+from fmpy.model_description import ModelDescription
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
-VR = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
 
 
 def is_error(status: int) -> bool:
@@ -40,6 +38,11 @@ class Log(NamedTuple):
     text: str
 
 
+def value_references(description: ModelDescription) -> dict[str, int]:
+    """Return the value references of the variables by their names."""
+    return {v.name: v.valueReference for v in description.modelVariables}
+
+
 class Fmu:
     """An extracted FMU."""
 
@@ -47,7 +50,7 @@ class Fmu:
         self.path, self.folder = path, folder
         extract(str(path), str(folder))
         self.description = read_model_description(str(folder))
-        self.reference = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.reference = value_references(self.description)
         self.type = {
             v.name: "Real" if v.type == "Real" else "Integer" for v in self.description.modelVariables
         }

@@ -17,9 +17,9 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, rule,
 from build_fmu import SOURCES, build
 from damped_pendulum.interface import INTERFACE
 from damped_pendulum.solvers import SolverMethod
-from tests.driver import OK, VR, Fmu, Instance, is_error
+from tests.driver import OK, Fmu, Instance, is_error
 from tests.hosts import run_host
-from tests.twin import OUTPUTS, Twin
+from tests.twin import OUTPUTS, VR, Twin
 
 Values = list[tuple[float, ...]]
 
@@ -353,7 +353,7 @@ class Rollback(RuleBasedStateMachine):
     def begin_run(self) -> None:
         self.time = self.begin
         assert not is_error(self.instance.initialize(self.values, time=self.begin))
-        self.twin = Twin(**{name.replace(".", "_"): value for name, value in self.values.items()})
+        self.twin = Twin(**self.values)
         self.compare()
 
     def compare(self) -> None:

@@ -12,8 +12,9 @@ import pytest
 
 import build_fmu
 from native import build as native
-from tests.driver import VR, Fmu
+from tests.driver import Fmu
 from tests.toolchain import COMPILER, HERE, need, needs_compiler, on_linux, output_of
+from tests.twin import VR
 
 IMPORTERS = HERE / "native_importers"
 

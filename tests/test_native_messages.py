@@ -13,7 +13,8 @@ import build_fmu
 from damped_pendulum.solvers import SolverMethod
 from fmi.shell import FmuError
 from slave import DampedPendulum
-from tests.driver import VR, WARNING, Instance, Log
+from tests.driver import WARNING, Instance, Log
+from tests.twin import VR
 
 H = 0.01
 

@@ -10,8 +10,8 @@ from fmpy.fmi2 import fmi2FMUstate
 
 from damped_pendulum.interface import INTERFACE, VARIABLES
 from native import build as native
-from tests.driver import OK, VR, Instance
-from tests.twin import OUTPUTS
+from tests.driver import OK, Instance
+from tests.twin import OUTPUTS, VR
 
 H = 0.01
 
