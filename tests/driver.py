@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from ctypes import byref, c_char, c_double, c_int, c_size_t, c_uint, create_string_buffer
+from ctypes import Array, byref, c_char, c_double, c_int, c_size_t, c_uint, create_string_buffer
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,6 +20,7 @@ from fmpy.fmi2 import (
     fmi2CallbackLoggerTYPE,
     fmi2FMUstate,
 )
+from fmpy.model_description import ModelDescription
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 
@@ -37,6 +38,11 @@ class Log(NamedTuple):
     text: str
 
 
+def value_references(description: ModelDescription) -> dict[str, int]:
+    """Return the value references of the variables by their names."""
+    return {v.name: v.valueReference for v in description.modelVariables}
+
+
 class Fmu:
     """An extracted FMU."""
 
@@ -44,7 +50,7 @@ class Fmu:
         self.path, self.folder = path, folder
         extract(str(path), str(folder))
         self.description = read_model_description(str(folder))
-        self.reference = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.reference = value_references(self.description)
         self.type = {
             v.name: "Real" if v.type == "Real" else "Integer" for v in self.description.modelVariables
         }
@@ -134,10 +140,35 @@ class Instance:
     ) -> int:
         """Set start values and initialize; return the worst status."""
         statuses = [self.set(name, value) for name, value in (start or {}).items()]
-        statuses.append(self.call("fmi2SetupExperiment", 0, 0.0, time, stop is not None, stop or 0.0))
+        statuses.append(self.set_up(time, stop))
         statuses.append(self.call("fmi2EnterInitializationMode"))
         statuses.append(self.call("fmi2ExitInitializationMode"))
         return max(statuses)
+
+    def set_up(self, time: float, stop: float | None = None) -> int:
+        return self.call("fmi2SetupExperiment", 0, 0.0, time, stop is not None, stop or 0.0)
+
+    def start(
+        self, values: Mapping[str, float] | None = None, *, time: float = 0.0, stop: float | None = None
+    ) -> None:
+        """Initialize a reset instance with start values, none of which is set with an error."""
+        assert self.reset() == OK
+        assert self.initialize(values, time=time, stop=stop) <= WARNING, self.errors
+
+    def refusal(self, status: int) -> str:
+        """Return the text of the one error since the last, which was that of a call with this status."""
+        (entry,) = [entry for entry in self.log if is_error(entry.status)]
+        assert (entry.status, entry.category) == self.fmu.error
+        assert status == entry.status
+        self.log.clear()
+        return entry.text
+
+    def unwritten(self, n: int, function: str, *arguments: Any) -> str:
+        """Return the text of the error of a call that may touch none of `n` Reals, which are its last argument."""
+        values = reals([7.0] * n)
+        text = self.refusal(self.call(function, *arguments, values))
+        assert list(values) == [7.0] * n
+        return text
 
     def reset(self) -> int:
         return self.call("fmi2Reset")
@@ -174,6 +205,52 @@ class Instance:
         values = ((c_double if kind == "Real" else c_int) * n)()
         return self.call(f"fmi2Get{kind}", (c_uint * n)(*references), n, values), list(values)
 
+    def unreadable(self, name: str) -> str:
+        """Return the text of the error with which the value of `name` is refused."""
+        status, _ = self.get_references(self.fmu.type[name], [self.fmu.reference[name]])
+        return self.refusal(status)
+
+    def references(self, *names: str) -> Array[c_uint]:
+        """Return the value references of variables as an argument."""
+        return (c_uint * len(names))(*(self.fmu.reference[name] for name in names))
+
+    def input_derivatives(self, values: Mapping[int, float]) -> int:
+        """Set derivatives of `tau`, by their order."""
+        n = len(values)
+        orders = integers(values)
+        return self.call(
+            "fmi2SetRealInputDerivatives", self.references(*["tau"] * n), n, orders, reals(values.values())
+        )
+
+    def output_derivative(self, name: str, order: int) -> float:
+        value = reals([0.0])
+        status = self.call("fmi2GetRealOutputDerivatives", self.references(name), 1, integers([order]), value)
+        assert status == OK, self.errors
+        return value[0]
+
+    def directional_derivative(
+        self, unknowns: Sequence[str], knowns: Sequence[str], direction: Sequence[float]
+    ) -> list[float]:
+        values = reals([0.0] * len(unknowns))
+        assert self.call(*self.directional(unknowns, knowns, direction), values) == OK, self.errors
+        return list(values)
+
+    def directional(
+        self, unknowns: Sequence[str], knowns: Sequence[str], direction: Sequence[float]
+    ) -> tuple[Any, ...]:
+        """Return a call of fmi2GetDirectionalDerivative up to its last argument, the values."""
+        return (
+            "fmi2GetDirectionalDerivative",
+            self.references(*unknowns),
+            len(unknowns),
+            self.references(*knowns),
+            len(knowns),
+            reals(direction),
+        )
+
+    def partial(self, unknown: str, known: str) -> float:
+        return self.directional_derivative([unknown], [known], [1.0])[0]
+
     def save(self) -> fmi2FMUstate:
         state = fmi2FMUstate()
         assert self.call("fmi2GetFMUstate", byref(state)) == OK, self.errors
@@ -205,6 +282,18 @@ class Instance:
         status = self.restore(state)
         self.free_state(state)
         return status
+
+
+def reals(values: Iterable[float]) -> Array[c_double]:
+    """Return values as an argument."""
+    held = list(values)
+    return (c_double * len(held))(*held)
+
+
+def integers(values: Iterable[int]) -> Array[c_int]:
+    """Return values as an argument."""
+    held = list(values)
+    return (c_int * len(held))(*held)
 
 
 def collect() -> None:

@@ -12,25 +12,26 @@ import signal
 import subprocess
 import sys
 import tempfile
-import zipfile
 from ast import literal_eval
-from contextlib import suppress
-from ctypes import byref, c_char_p, c_double, c_int, c_uint
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from ctypes import c_char_p, c_uint
 from importlib.util import find_spec
-from math import inf, isfinite, isnan, nan
+from math import isnan, nan
 from pathlib import Path
 from random import Random
 from types import FrameType
 from typing import Any
-from xml.etree import ElementTree
 
 import pytest
-from fmpy import simulate_fmu
+from fmpy import read_model_description, simulate_fmu
 
-from tests.driver import DISCARD, ERROR, FATAL, OK, WARNING, Fmu, Instance, collect, is_error
+from tests.driver import OK, Fmu, Instance, collect, is_error, value_references
+from tests.walk import Walk
 
 ROOT = Path(__file__).resolve().parents[1]
 TIMES = 30
+CLOCK = [0.01 * k for k in range(1001)]  # of the default experiment
 HANGING = 3600.0  # a process that is not through by then [s] hangs; the longest takes seconds
 
 
@@ -61,6 +62,19 @@ def needs(module: str) -> pytest.MarkDecorator:
     )
 
 
+@contextmanager
+def extracted(path: Path) -> Iterator[Fmu]:
+    with tempfile.TemporaryDirectory() as folder:
+        yield Fmu(path, Path(folder))
+
+
+def legal_run(fmu: Fmu) -> float:
+    """Return phi at the end of the default experiment."""
+    with fmu.running() as instance:
+        instance.run(CLOCK)
+        return instance.get("phi")[0]
+
+
 def fmpy_errors(path: Path, stderr: str = "open") -> float:
     """Errors of every kind in FMPy, each followed by calls, freeing and collecting."""
     from tests.test_conduct_reports import FAULTS
@@ -69,8 +83,7 @@ def fmpy_errors(path: Path, stderr: str = "open") -> float:
         sys.stderr.close()
     elif stderr == "none":
         sys.stderr = None  # type: ignore[assignment]  # as under pythonw
-    with tempfile.TemporaryDirectory() as folder:
-        fmu = Fmu(path, Path(folder))
+    with extracted(path) as fmu:
         gc.freeze()  # what is imported need not be searched
         for _ in range(TIMES if stderr == "open" else 3):
             with fmu.instance("other") as other:
@@ -85,9 +98,7 @@ def fmpy_errors(path: Path, stderr: str = "open") -> float:
                             instance.free_state(instance.save())
                         fault(other)
             collect()
-        with fmu.running() as instance:
-            instance.run([0.01 * k for k in range(1001)])
-            return instance.get("phi")[0]
+        return legal_run(fmu)
 
 
 def fmpy_interrupted(path: Path) -> float:
@@ -99,8 +110,7 @@ def fmpy_interrupted(path: Path) -> float:
         signal.setitimer(signal.ITIMER_REAL, 0.005)  # the step has not begun
 
     signal.signal(signal.SIGALRM, interrupt)
-    with tempfile.TemporaryDirectory() as folder:
-        fmu = Fmu(path, Path(folder))
+    with extracted(path) as fmu:
         for _ in range(TIMES):
             with fmu.running({"solver.stepSize": 1e-7}) as instance:
                 before = instance.get("phi", "w", "solver.nfev")
@@ -110,9 +120,7 @@ def fmpy_interrupted(path: Path) -> float:
                     assert "KeyboardInterrupt" in instance.errors[0]
                 assert instance.get("phi", "w", "solver.nfev") == before
             collect()
-        with fmu.running() as instance:
-            instance.run([0.01 * k for k in range(1001)])
-            return instance.get("phi")[0]
+        return legal_run(fmu)
 
 
 def fmpy_interrupted_anywhere(path: Path, instances: str) -> float:
@@ -138,8 +146,7 @@ def fmpy_interrupted_anywhere(path: Path, instances: str) -> float:
             instance.free_state(instance.save())
 
     signal.signal(signal.SIGALRM, interrupt)
-    with tempfile.TemporaryDirectory() as folder:
-        fmu = Fmu(path, Path(folder))
+    with extracted(path) as fmu:
         instance = Instance(fmu)
         instance.initialize()
         for _ in range(1000):
@@ -156,12 +163,10 @@ def fmpy_interrupted_anywhere(path: Path, instances: str) -> float:
         collect()
         assert instance.reset() == OK
         assert instance.initialize() == OK
-        instance.run([0.01 * k for k in range(1001)])
+        instance.run(CLOCK)
         (phi,) = instance.get("phi")
         instance.free()
-        with fmu.running() as other:
-            other.run([0.01 * k for k in range(1001)])
-            assert other.get("phi") == (phi,)
+        assert legal_run(fmu) == phi
         return phi
 
 
@@ -173,7 +178,7 @@ def libcosimpy_run(path: Path, start: dict[str, float] | None = None) -> float:
     from libcosimpy.CosimSlave import CosimLocalSlave
 
     log_output_level(CosimLogLevel.FATAL)
-    reference = references(path)
+    reference = value_references(read_model_description(str(path)))
     execution = CosimExecution.from_step_size(10_000_000)  # ns
     slave = execution.add_local_slave(CosimLocalSlave(str(path), "pendulum"))
     for name, value in (start or {}).items():
@@ -221,15 +226,14 @@ def restored_future(path: Path, state: str) -> list[tuple[float, ...]]:
     """Return what follows after a state of another process."""
     from tests.test_conduct_state import follow
 
-    with tempfile.TemporaryDirectory() as folder, Fmu(path, Path(folder)).instance() as instance:
+    with extracted(path) as fmu, fmu.instance() as instance:
         assert instance.restore_bytes(bytes.fromhex(state)) == OK
         return follow(instance)
 
 
 def many_in_sequence(path: Path, count: str) -> tuple[int, float]:
     """Return the growth of the memory [KiB] over so many instances, and phi of the last one."""
-    with tempfile.TemporaryDirectory() as folder:
-        fmu = Fmu(path, Path(folder))
+    with extracted(path) as fmu:
         keeper = Instance(fmu)  # keeps the library loaded
         for k in range(int(count) + 300):
             if k == 300:  # by then the caches are filled
@@ -264,217 +268,23 @@ def many_runs(path: Path, count: str) -> tuple[int, int, float]:
 
 def not_utf8(path: Path) -> float:
     """Pass strings that are no UTF-8, which the wrapper cannot convert; return phi of a legal run."""
-    with tempfile.TemporaryDirectory() as folder:
-        fmu = Fmu(path, Path(folder))
+    with extracted(path) as fmu:
         for _ in range(TIMES):
             with fmu.instance() as instance:
                 for _ in range(3):
                     instance.call("fmi2SetString", (c_uint * 1)(0), 1, (c_char_p * 1)(b"\xff\xfe"))
             collect()
-        with fmu.running() as instance:
-            instance.run([0.01 * k for k in range(1001)])
-            return instance.get("phi")[0]
+        return legal_run(fmu)
 
 
 def fuzz(path: Path, seed: str, count: str) -> tuple[float, int, int]:
     """Walk at random over the calls of FMI; return phi of a legal run and the numbers of calls and of errors."""
-    with tempfile.TemporaryDirectory() as folder:
-        walk = Walk(Fmu(path, Path(folder)), Random(int(seed)))
+    with extracted(path) as fmu:
+        walk = Walk(fmu, Random(int(seed)))
         for _ in range(int(count)):
             walk.call()
         walk.end()
-        with walk.fmu.running() as instance:
-            instance.run([0.01 * k for k in range(1001)])
-            return instance.get("phi")[0], walk.calls, walk.errors
-
-
-class Walk:
-    """A random walk over the calls of FMI, legal and illegal, with legal and illegal arguments.
-
-    Left out is what would make the walk itself the culprit: pointers and states that are not those of the FMU.
-    """
-
-    INSTANCES = 4
-    NUMBERS = (
-        0.0,
-        1e-300,
-        1e-6,
-        0.001,
-        0.01,
-        1.0,
-        1 / 3,
-        100.0,
-        1e6,
-        1e300,
-        1.7e308,
-        -1.0,
-        -1e6,
-        nan,
-        inf,
-        -inf,
-    )
-    REFERENCES = (*range(-1, 16), 2**31 - 1, 2**31, 2**32 - 1)
-
-    def __init__(self, fmu: Fmu, random: Random) -> None:
-        self.fmu, self.random = fmu, random
-        self.instances: list[Instance] = []
-        self.states: list[Any] = []
-        self.calls = self.errors = 0
-        self.actions = {
-            self.new: 1,
-            self.free: 1,
-            self.legal_start: 4,
-            self.set_up: 2,
-            self.order: 3,
-            self.legal_steps: 5,
-            self.any_step: 5,
-            self.set_reals: 6,
-            self.access: 6,
-            self.strings: 1,
-            self.save: 3,
-            self.restore: 3,
-            self.bytes: 2,
-            self.status: 2,
-            self.optional: 1,
-            self.logging: 1,
-        }
-
-    def call(self) -> None:
-        """Make one call (or one short legal sequence) and check its status."""
-        if not self.instances:
-            self.new()
-        self.instance = self.random.choice(self.instances)
-        (action,) = self.random.choices(list(self.actions), list(self.actions.values()))
-        status = action()
-        self.calls += 1
-        self.errors += is_error(status)
-        # Pending is for asynchronous slaves, and Discard would end the run in most importers.
-        assert status in (OK, WARNING, ERROR, FATAL), (action.__name__, status)
-        if is_error(status):
-            assert self.instance.log, action.__name__  # never without a reason
-        self.instance.log.clear()
-
-    def end(self) -> None:
-        for state in self.states:
-            self.instances[0].free_state(state)
-        while self.instances:
-            self.instances.pop().free()
-        collect()
-
-    def new(self) -> int:
-        if len(self.instances) < self.INSTANCES:
-            self.instances.append(Instance(self.fmu, "50% of %s"))
-        return OK
-
-    def free(self) -> int:
-        if len(self.instances) > 1:
-            self.instances.remove(self.instance)
-            self.instance.free()
-        return OK
-
-    def legal_start(self) -> int:
-        assert self.instance.reset() == OK
-        start = {
-            "phi_start": self.random.uniform(-4.0, 4.0),
-            "gamma": 10.0 ** self.random.uniform(-3, 9),
-            "solver.method": self.random.randint(1, 4),
-        }
-        return self.instance.initialize(start)
-
-    def legal_steps(self) -> int:
-        """Three steps; on OK the outputs are finite."""
-        status = max(self.instance.step(0.01 * k, 0.01) for k in range(3))
-        if not is_error(status):
-            assert all(map(isfinite, self.instance.get("phi", "w")))
-        return status
-
-    def number(self) -> float:
-        return self.random.choice(self.NUMBERS)
-
-    def set_up(self) -> int:
-        flag = self.random.randint(0, 1)
-        return self.instance.call(
-            "fmi2SetupExperiment", flag, self.number(), self.number(), flag, self.number()
-        )
-
-    def order(self) -> int:
-        calls = ("fmi2EnterInitializationMode", "fmi2ExitInitializationMode", "fmi2Terminate", "fmi2Reset")
-        return self.instance.call(self.random.choice(calls))
-
-    def any_step(self) -> int:
-        duration = self.number()
-        # A step of hours is legal, but would take its time.
-        return self.instance.step(self.number(), duration if not 1.0 < duration < 1e300 else 0.1)
-
-    def set_reals(self) -> int:
-        names = self.random.sample(sorted(self.fmu.reference), 3)
-        references = [self.fmu.reference[name] for name in names]
-        return self.instance.set_references("Real", references[:1], [self.number()])
-
-    def access(self) -> int:
-        kind = self.random.choice(("Real", "Integer", "Boolean"))
-        references = [r % 2**32 for r in self.random.choices(self.REFERENCES, k=self.random.randint(0, 3))]
-        if self.random.random() < 0.5:
-            return self.instance.get_references(kind, references)[0]
-        values = [self.number() if kind == "Real" else self.random.randint(-2, 5) for _ in references]
-        return self.instance.set_references(kind, references, values)
-
-    def strings(self) -> int:
-        access = self.random.choice(("Get", "Set"))
-        reference = (c_uint * 1)(self.random.choice(self.REFERENCES) % 2**32)
-        return self.instance.call(f"fmi2{access}String", reference, 1, (c_char_p * 1)(b"%n"))
-
-    def save(self) -> int:
-        if len(self.states) > 20:
-            self.instance.free_state(self.states.pop(self.random.randrange(20)))
-        self.states.append(self.instance.save())
-        return OK
-
-    def restore(self) -> int:
-        if not self.states:
-            return OK
-        status = self.instance.restore(self.random.choice(self.states))
-        assert status == OK
-        return status
-
-    def bytes(self) -> int:
-        state = self.instance.save()
-        data = bytearray(self.instance.serialize(state))
-        self.instance.free_state(state)
-        damaged = self.random.random() < 0.5
-        if damaged:
-            data[self.random.randrange(len(data))] ^= 1 << self.random.randrange(8)
-        status = self.instance.restore_bytes(bytes(data))
-        assert is_error(status) == damaged
-        return status
-
-    def status(self) -> int:
-        kind = self.random.choice(("", "Real", "Integer", "Boolean"))
-        value = c_double() if kind == "Real" else c_int()
-        status = self.instance.call(f"fmi2Get{kind}Status", self.random.randint(0, 3), byref(value))
-        return OK if status == DISCARD else status  # Discard: "nothing to report", as no step is ever pending
-
-    def optional(self) -> int:
-        function, arguments = self.random.choice(
-            (
-                ("fmi2CancelStep", ()),
-                ("fmi2GetDirectionalDerivative", (None, 0, None, 0, None, None)),
-                ("fmi2SetRealInputDerivatives", (None, 0, None, None)),
-                ("fmi2GetRealOutputDerivatives", (None, 0, None, None)),
-            )
-        )
-        status = self.instance.call(function, *arguments)
-        assert is_error(status) or self.fmu.optional_functions.get(function, False)
-        return status
-
-    def logging(self) -> int:
-        return self.instance.call("fmi2SetDebugLogging", 1, 0, None)
-
-
-def references(path: Path) -> dict[str, int]:
-    with zipfile.ZipFile(path) as packed:
-        root = ElementTree.fromstring(packed.read("modelDescription.xml"))
-    return {node.attrib["name"]: int(node.attrib["valueReference"]) for node in root.iter("ScalarVariable")}
+        return legal_run(fmu), walk.calls, walk.errors
 
 
 if __name__ == "__main__":

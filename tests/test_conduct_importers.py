@@ -12,6 +12,7 @@ from fmpy import simulate_fmu
 
 from tests.driver import Fmu
 from tests.hosts import needs, run_host
+from tests.toolchain import need
 
 VERSION = "1.1.3"
 POM = f"""
@@ -49,9 +50,7 @@ def test_the_default_experiment_agrees_with_fmpy(fmu_path: Path, program: str) -
 @pytest.fixture(scope="session")
 def vdmcheck(pytestconfig: pytest.Config) -> Path:
     """Return VDMCheck2 laid out as in its distribution, from Maven Central or from the last time."""
-    for program in ("java", "mvn"):
-        if shutil.which(program) is None:
-            pytest.skip(f"VDMCheck2 needs {program}, which is not installed")
+    need("java", "mvn")
     folder = pytestconfig.cache.mkdir(f"vdmcheck2-{VERSION}")
     if not (folder / "fmi2schema").is_dir():
         (folder / "pom.xml").write_text(POM)

@@ -28,17 +28,13 @@ def start_of(i: int) -> dict[str, float]:
     }
 
 
-def twin_of(start: dict[str, float]) -> Twin:
-    return Twin(**{name.replace(".", "_"): value for name, value in start.items()})
-
-
 def clock(count: int) -> Sequence[tuple[float, float]]:
     return [(time, end - time) for time, end in pairwise(0.01 * k for k in range(count + 1))]
 
 
 def test_a_hundred_interleaved_instances_do_not_touch_each_other(fmu: Fmu) -> None:
     with ExitStack() as stack:
-        pairs = [(stack.enter_context(fmu.running(start_of(i))), twin_of(start_of(i))) for i in range(100)]
+        pairs = [(stack.enter_context(fmu.running(start_of(i))), Twin(**start_of(i))) for i in range(100)]
         for k, (time, duration) in enumerate(clock(20)):
             for i, (instance, twin) in enumerate(pairs):
                 twin.tau = 0.1 * ((i + k) % 3)
@@ -56,7 +52,7 @@ def test_eight_threads_with_an_instance_each_do_not_touch_each_other(fmu: Fmu) -
             return instance.get(*OUTPUTS)
 
     def expected(i: int) -> tuple[float, ...]:
-        twin = twin_of(start_of(i))
+        twin = Twin(**start_of(i))
         for time, duration in clock(300):
             twin.step(time, duration)
         return twin.outputs

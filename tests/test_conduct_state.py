@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from build_fmu import SOURCES, build
-from damped_pendulum.interface import INTERFACE, VARIABLES
+from damped_pendulum.interface import INTERFACE
 from methods.solvers import SolverMethod
 from tests.driver import OK, Fmu, Instance, is_error
 from tests.hosts import run_host
-from tests.twin import OUTPUTS, Twin
+from tests.twin import OUTPUTS, VR, Twin
 
 Values = list[tuple[float, ...]]
 
@@ -220,7 +220,6 @@ def forged(data: bytes, **entries: object) -> bytes:
     return sealed(state)
 
 
-VR = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
 WRONG_TYPES = (None, "1", True, [1.0], {}, 10**400)
 FORGED = {
     f"{name} = {str(entry)[:20]}": ({name: entry}, told)
@@ -354,7 +353,7 @@ class Rollback(RuleBasedStateMachine):
     def begin_run(self) -> None:
         self.time = self.begin
         assert not is_error(self.instance.initialize(self.values, time=self.begin))
-        self.twin = Twin(**{name.replace(".", "_"): value for name, value in self.values.items()})
+        self.twin = Twin(**self.values)
         self.compare()
 
     def compare(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 
-from damped_pendulum.interface import DEFAULTS
+from damped_pendulum.interface import DEFAULTS, VARIABLES
 from damped_pendulum.model import Pendulum
 from methods.integration import Integration
 from methods.solvers import METHODS, SolverMethod, substeps
@@ -43,4 +43,5 @@ class Twin:
         return self.phi, self.w, a, self.pendulum.energy(self.phi, self.w), self.nfev
 
 
+VR = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
 OUTPUTS = ("phi", "w", "a", "E", "solver.nfev")
