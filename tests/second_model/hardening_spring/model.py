@@ -1,0 +1,72 @@
+"""Equation of motion and energy of a mass on a hardening spring with linear drag (Duffing).
+
+m*der(v) = F - c*v - k*x - k3*x^3,   der(x) = v
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from math import inf, isfinite
+from typing import NamedTuple
+
+from methods.solvers import ImplicitStage, newton_stage
+
+
+class Motion(NamedTuple):
+    """The terms of der(v) under a constant force: c/m [1/s], k/m [1/s2], k3/m [1/(m2.s2)], F/m [m/s2]."""
+
+    damping_rate: float
+    w02: float
+    hardening: float
+    drive: float
+
+    def acceleration(self) -> Callable[[float, float], float]:
+        drive, drag, spring, cubic = self.coefficients()
+        return lambda x, v: drive + drag * v + spring * x + cubic * (x * x * x)
+
+    def partial_derivatives(self, x: float, v: float) -> tuple[float, float]:
+        return -self.w02 - 3.0 * self.hardening * x * x, -self.damping_rate
+
+    def coefficients(self) -> tuple[float, float, float, float]:
+        return self.drive, -self.damping_rate, -self.w02, -self.hardening
+
+    @staticmethod
+    def terms() -> dict[str, str]:
+        return {
+            "drive": "drive",
+            "drag": "drag * w",
+            "spring": "spring * phi",
+            "cubic": "cubic * (phi * phi * phi)",
+        }
+
+    @staticmethod
+    def functions() -> dict[str, Callable[[float], float]]:
+        return {}
+
+    def implicit_stage(self, b: float) -> ImplicitStage:
+        return partial(newton_stage, self.acceleration(), self.partial_derivatives, b)
+
+    def longest_implicit_stage(self) -> float:
+        return inf  # the force rises with x
+
+
+class Spring(NamedTuple):
+    """Mass m [kg] > 0, drag c [N.s/m], stiffness k [N/m] and hardening k3 [N/m3], all >= 0."""
+
+    m: float
+    c: float
+    k: float
+    k3: float
+
+    def motion(self, F: float) -> Motion:
+        return Motion(self.c / self.m, self.k / self.m, self.k3 / self.m, F / self.m + 0.0)
+
+    def out_of_range(self) -> list[str]:
+        rates = zip(("c/m", "k/m", "k3/m"), self.motion(0.0), ("1/s", "1/s2", "1/(m2.s2)"), strict=False)
+        wrong = (rate for rate in rates if not isfinite(rate[1]))
+        return [f"{name} = {value!r} {unit} is out of the range of a double" for name, value, unit in wrong]
+
+    def energy(self, x: float, v: float) -> float:
+        square = x * x
+        return 0.5 * self.m * (v * v) + (0.5 * self.k * square + 0.25 * self.k3 * square * square)

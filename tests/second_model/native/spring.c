@@ -1,0 +1,118 @@
+/* The hardening spring; hardening_spring/model.py is the specification.
+ *
+ *     m*der(v) = F - c*v - k*x - k3*x^3,   der(x) = v
+ *
+ * x [m], v [m/s] */
+
+#include <math.h>
+
+#include "model.h"
+
+static const Facts MODEL = {
+    .x = VR_x,
+    .v = VR_v,
+    .a = VR_a,
+    .x_start = VR_x_start,
+    .v_start = VR_v_start,
+    .input = VR_F,
+    .rest = 0.0,
+    .system = "spring",
+    .cause = "force",
+};
+
+struct Model {
+    double m, k, k3;                     /* mass [kg], stiffness [N/m], hardening [N/m3] */
+    double damping_rate, w02, hardening; /* of the acceleration: c/m [1/s], k/m [1/s2], k3/m [1/(m2.s2)] */
+};
+
+static bool model_exists(const double values[VARIABLE_COUNT]) {
+    return values[VR_m] != 0.0;
+}
+
+static inline Model model_of(const double values[VARIABLE_COUNT]) {
+    const double m = values[VR_m];
+    return (Model){
+        .m = m,
+        .k = values[VR_k],
+        .k3 = values[VR_k3],
+        .damping_rate = values[VR_c] / m,
+        .w02 = values[VR_k] / m,
+        .hardening = values[VR_k3] / m,
+    };
+}
+
+static void model_check(const double values[VARIABLE_COUNT], Text *problems) {
+    const Model model = model_of(values);
+    if (!isfinite(model.damping_rate)) append_out_of_range(problems, "c/m", model.damping_rate, "1/s");
+    if (!isfinite(model.w02)) append_out_of_range(problems, "k/m", model.w02, "1/s2");
+    if (!isfinite(model.hardening)) append_out_of_range(problems, "k3/m", model.hardening, "1/(m2.s2)");
+}
+
+static inline double model_drive(const Model *model, double force, double factor) {
+    return force / (model->m * factor) + 0.0;
+}
+
+static inline double model_acceleration(const Model *model, double drive, double x, double v) {
+    double a = drive;
+    if (model->damping_rate != 0.0) a -= model->damping_rate * v;
+    if (model->w02 != 0.0) a -= model->w02 * x;
+    if (model->hardening != 0.0) a -= model->hardening * (x * x * x);
+    return a;
+}
+
+static inline int64_t model_implicit_stage(const Model *model, double b, double drive, double *x, double *v) {
+    return newton_stage(model, b, drive, x, v);
+}
+
+/* The force rises with x. */
+static double model_longest_implicit_stage(const Model *model) {
+    (void)model;
+    return INFINITY;
+}
+
+/* E, the energy [J], is the only one. */
+static double model_output(const double values[VARIABLE_COUNT], unsigned output) {
+    (void)output;
+    const double square = values[VR_x] * values[VR_x];
+    const double kinetic = 0.5 * values[VR_m] * (values[VR_v] * values[VR_v]);
+    return kinetic + (0.5 * values[VR_k] * square + 0.25 * values[VR_k3] * square * square);
+}
+
+static double partial_derivative_of_a(const Model *model, double drive, double x, double v, unsigned known) {
+    switch (known) {
+    case VR_x: return -model->w02 - 3.0 * model->hardening * x * x;
+    case VR_v: return -model->damping_rate;
+    case VR_F: return 1.0 / model->m;
+    case VR_m: return -model_acceleration(model, drive, x, v) / model->m;
+    case VR_c: return -v / model->m;
+    case VR_k: return -x / model->m;
+    case VR_k3: return -(x * x * x) / model->m;
+    default: return 0.0;
+    }
+}
+
+static double model_partial_derivative(const Model *model, double drive, double x, double v, unsigned output,
+                                       unsigned known) {
+    if (output == VR_a) return partial_derivative_of_a(model, drive, x, v, known);
+    switch (known) {
+    case VR_x: return model->k * x + model->k3 * (x * x * x);
+    case VR_v: return model->m * v;
+    case VR_m: return 0.5 * (v * v);
+    case VR_k: return 0.5 * (x * x);
+    case VR_k3: return 0.25 * (x * x) * (x * x);
+    default: return 0.0;
+    }
+}
+
+static double model_curvature(const Model *model, double x, double v, double a) {
+    (void)a; /* the drag is linear */
+    return -6.0 * model->hardening * x * v * v;
+}
+
+/* der(E) is the power of force and drag. */
+static double model_output_derivative(const Model *model, const Moment *at, unsigned output, int order) {
+    (void)output; /* E */
+    const double push = at->drive - model->damping_rate * at->v;
+    const double push1 = at->drive1 - model->damping_rate * at->a;
+    return model->m * (order == 1 ? at->v * push : at->a * push + at->v * push1);
+}

@@ -1,0 +1,20 @@
+"""The hardening spring as an FMI 2.0 co-simulation slave."""
+
+from __future__ import annotations
+
+from fmi.second_order import Names, SecondOrder
+from hardening_spring.interface import INTERFACE
+from hardening_spring.model import Spring
+
+
+class HardeningSpring(SecondOrder):
+    """The hardening spring as an FMI 2.0 co-simulation slave."""
+
+    interface = INTERFACE
+    model = Spring
+    names = Names(
+        x="x", v="v", a="a", energy="E", drive="F", system="spring", effort="force", damping_time="m/c"
+    )
+
+
+SLAVE = HardeningSpring
