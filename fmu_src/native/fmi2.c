@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include "fmi2Functions.h"
-#include "model.h"
+#include "simulation.h"
 #include "text.h"
 
 enum {
@@ -37,14 +37,14 @@ static const char *const CATEGORIES[] = {
 typedef struct {
     uint32_t checksum; /* of all that follows, in what fmi2FMUstate points to */
     char format[60];   /* what the values mean */
-    Model model;
+    Simulation simulation;
     double time;                  /* end of the last step [s] */
     double start_time, stop_time; /* of the experiment [s]; INFINITY: no stop time */
     int64_t mode;
 } State;
 
 _Static_assert(sizeof STATE_FORMAT <= sizeof(((State *)NULL)->format), "the name of the format fits");
-_Static_assert(sizeof(State) == 64 + sizeof(Model) + 4 * 8, "there is no padding");
+_Static_assert(sizeof(State) == 64 + sizeof(Simulation) + 4 * 8, "there is no padding");
 
 typedef struct {
     fmi2CallbackFunctions callbacks;
@@ -224,10 +224,10 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     Instance *self = c;
     if (check_mode(self, INITIALIZATION, "fmi2ExitInitializationMode")) return fmi2Error;
-    if (model_has_problems(&self->state.model, &self->reason))
+    if (has_problems(&self->state.simulation, &self->reason))
         return tell(self, fmi2Error, "cannot initialize: %s", self->reason.text);
     self->state.mode = STEPPING;
-    if (model_has_warnings(&self->state.model, &self->reason))
+    if (has_warnings(&self->state.simulation, &self->reason))
         return tell(self, fmi2Warning, "%s", self->reason.text);
     return fmi2OK;
 }
@@ -245,7 +245,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
     if (self == NULL) return fmi2Error;
     self->state = (State){.stop_time = INFINITY, .mode = INSTANTIATED};
     memcpy(self->state.format, STATE_FORMAT, sizeof STATE_FORMAT);
-    model_reset(&self->state.model);
+    reset(&self->state.simulation);
     return fmi2OK;
 }
 
@@ -254,13 +254,12 @@ fmi2Status fmi2Reset(fmi2Component c) {
 /* Nothing is written before all values are known to be finite; what is set is handed back as it is. */
 static fmi2Status get(Instance *self, Type type, const fmi2ValueReference vr[], size_t n, void *values) {
     if (check(self, READ, type, vr, n, values, NULL)) return fmi2Error;
-    const Model *model = &self->state.model;
+    const Simulation *simulation = &self->state.simulation;
     double outputs[VARIABLE_COUNT];
     for (size_t i = 0; i < n; i++) {
-        outputs[vr[i]] = model_value(model, vr[i]);
-        if (isfinite(outputs[vr[i]]) || !model_computes(vr[i])) continue;
-        clear(&self->reason);
-        model_describe(model, &self->reason);
+        outputs[vr[i]] = value_of(simulation, vr[i]);
+        if (isfinite(outputs[vr[i]]) || !is_computed(vr[i])) continue;
+        describe_values(simulation, &self->reason);
         return tell(self, fmi2Error, "%s is out of the range of a double at %s", VARIABLES[vr[i]].name,
                     self->reason.text);
     }
@@ -278,7 +277,7 @@ static fmi2Status set(Instance *self, Type type, const fmi2ValueReference vr[], 
     if (check(self, SET, type, vr, n, values, NULL)) return fmi2Error;
     for (size_t i = 0; i < n; i++) {
         const double value = type == REAL ? ((const fmi2Real *)values)[i] : ((const fmi2Integer *)values)[i];
-        model_set(&self->state.model, vr[i], value);
+        set_value(&self->state.simulation, vr[i], value);
     }
     return fmi2OK;
 }
@@ -321,7 +320,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
                                        const fmi2Integer orders[], const fmi2Real values[]) {
     Instance *self = c;
     if (check(self, SET_DERIVATIVE, REAL, vr, n, values, orders)) return fmi2Error;
-    for (size_t i = 0; i < n; i++) model_set_input_derivative(&self->state.model, vr[i], orders[i], values[i]);
+    for (size_t i = 0; i < n; i++) set_input_derivative(&self->state.simulation, vr[i], orders[i], values[i]);
     return fmi2OK;
 }
 
@@ -330,12 +329,12 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
                                         const fmi2Integer orders[], fmi2Real values[]) {
     Instance *self = c;
     if (check(self, GET_DERIVATIVE, REAL, vr, n, values, orders)) return fmi2Error;
-    const Model *model = &self->state.model;
+    const Simulation *simulation = &self->state.simulation;
     for (size_t i = 0; i < n; i++)
-        if (!isfinite(model_time_derivative(model, vr[i], orders[i])))
+        if (!isfinite(time_derivative(simulation, vr[i], orders[i])))
             return tell(self, fmi2Error, "derivative of order %d of %s is out of the range of a double", orders[i],
                         VARIABLES[vr[i]].name);
-    for (size_t i = 0; i < n; i++) values[i] = model_time_derivative(model, vr[i], orders[i]);
+    for (size_t i = 0; i < n; i++) values[i] = time_derivative(simulation, vr[i], orders[i]);
     return fmi2OK;
 }
 
@@ -348,18 +347,19 @@ static fmi2Status check_partial_derivatives(Instance *self, const fmi2ValueRefer
                     unknowns, knowns, MOST);
     for (size_t i = 0; i < unknowns; i++)
         for (size_t k = 0; k < knowns; k++)
-            if (!model_has_partial_derivative(unknown[i], known[k], initializing))
+            if (!has_partial_derivative(unknown[i], known[k], initializing)) {
+                describe_partial_derivatives(initializing, &self->reason);
                 return tell(self, fmi2Error, "no derivative of %s with respect to %s (allowed: %s)",
-                            VARIABLES[unknown[i]].name, VARIABLES[known[k]].name,
-                            model_partial_derivatives(initializing));
+                            VARIABLES[unknown[i]].name, VARIABLES[known[k]].name, self->reason.text);
+            }
     return fmi2OK;
 }
 
 /* The derivative of one unknown in the direction of the knowns. */
-static double directional_derivative(const Model *model, fmi2ValueReference unknown,
+static double directional_derivative(const Simulation *simulation, fmi2ValueReference unknown,
                                      const fmi2ValueReference known[], size_t knowns, const fmi2Real direction[]) {
     double sum = 0.0;
-    for (size_t k = 0; k < knowns; k++) sum += direction[k] * model_partial_derivative(model, unknown, known[k]);
+    for (size_t k = 0; k < knowns; k++) sum += direction[k] * partial_derivative(simulation, unknown, known[k]);
     return sum;
 }
 
@@ -375,13 +375,13 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     if (check(self, READ, REAL, known, knowns, dvKnown, NULL)) return fmi2Error;
     if (check(self, READ, REAL, unknown, unknowns, dvUnknown, NULL)) return fmi2Error;
     if (check_partial_derivatives(self, unknown, unknowns, known, knowns)) return fmi2Error;
-    const Model *model = &self->state.model;
+    const Simulation *simulation = &self->state.simulation;
     for (size_t i = 0; i < unknowns; i++)
-        if (!isfinite(directional_derivative(model, unknown[i], known, knowns, dvKnown)))
+        if (!isfinite(directional_derivative(simulation, unknown[i], known, knowns, dvKnown)))
             return tell(self, fmi2Error, "directional derivative of %s is out of the range of a double",
                         VARIABLES[unknown[i]].name);
     for (size_t i = 0; i < unknowns; i++)
-        dvUnknown[i] = directional_derivative(model, unknown[i], known, knowns, dvKnown);
+        dvUnknown[i] = directional_derivative(simulation, unknown[i], known, knowns, dvKnown);
     return fmi2OK;
 }
 
@@ -412,7 +412,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
         return tell(self, fmi2Error,
                     "no step from t = %s s over %s s: it must end at a finite time, not beyond the stop time (%s s)",
                     repr(time).text, repr(step).text, repr(state->stop_time).text);
-    if (!model_step(&state->model, time, step, &self->reason))
+    if (!make_step(&state->simulation, time, step, &self->reason))
         return tell(self, fmi2Error, "%s", self->reason.text);
     state->time = end;
     return fmi2OK;
@@ -472,8 +472,8 @@ static bool is_possible(const State *state, Text *scratch) {
     if (!(INSTANTIATED <= state->mode && state->mode <= TERMINATED)) return false;
     if (!isfinite(state->time) || !isfinite(state->start_time) || !(state->start_time <= state->stop_time)) return false;
     const bool before_steps = state->mode == INSTANTIATED || state->mode == INITIALIZATION;
-    if (before_steps && state->model.elapsed != 0.0) return false;
-    return model_is_possible(&state->model, state->mode == STEPPING, scratch);
+    if (before_steps && state->simulation.elapsed != 0.0) return false;
+    return can_be(&state->simulation, state->mode == STEPPING, scratch);
 }
 
 static fmi2Status check_state(Instance *self, const State *state) {
