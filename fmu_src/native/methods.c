@@ -5,7 +5,7 @@
 
 /* Motion */
 
-static Motion motion(Model model, Method method, double u, const double derivatives[MAX_INPUT_ORDER]) {
+static inline Motion motion(Model model, Method method, double u, const double derivatives[MAX_INPUT_ORDER]) {
     Motion p = {.model = model, .method = method};
     p.drive[0] = model_drive(&p.model, u, 1.0);
     double factorial = 1.0;
@@ -20,7 +20,8 @@ static Motion motion(Model model, Method method, double u, const double derivati
 
 static inline double drive_at(const Motion *p, double t) {
     double drive = p->drive[p->order];
-    for (int k = p->order; k > 0; k--) drive = drive * t + p->drive[k - 1];
+    for (int k = p->order; k > 0; k--)
+        drive = drive * t + p->drive[k - 1];
     return drive;
 }
 
@@ -115,7 +116,8 @@ static double stability_limit(const Motion *p) {
         [ExplicitRungeKutta4] = {-z, z2 / 2, -z3 / 6, z4 / 24, (z - z3) / 24, z2 / 48 - 1.0 / 72, -z / 144, 1.0 / 576},
     };
     const double *leading = growth[p->method];
-    while (*leading == 0.0) leading++;
+    while (*leading == 0.0)
+        leading++;
     if (*leading > 0.0) return 0.0;
     double stable = 0.0;
     double unstable = 4.0; /* |R| > 1 for every method and damping at |h*lambda| = 4 */
@@ -123,7 +125,8 @@ static double stability_limit(const Motion *p) {
         const double middle = 0.5 * (stable + unstable);
         if (!(stable < middle && middle < unstable)) return stable / w0;
         double value = 0.0;
-        for (int i = 7; i >= 0; i--) value = value * middle + growth[p->method][i];
+        for (int i = 7; i >= 0; i--)
+            value = value * middle + growth[p->method][i];
         if (value <= 0.0) {
             stable = middle;
         } else {
@@ -164,7 +167,7 @@ static bool is_unstable(const Motion *p, double h, Text *text) {
 
 /* Steps */
 
-/* The rounding noise [s] in a communication step of `duration` [s] from `time` [s]: importers form it as a difference. */
+/* Rounding noise [s] in a communication step of `duration` [s] from `time` [s]: importers form it as a difference. */
 static double clock_noise(double time, double duration) {
     return 4.0 * DBL_EPSILON * (fabs(time) + duration);
 }

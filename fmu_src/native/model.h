@@ -4,8 +4,9 @@
  *
  *     der(x) = v,   der(v) = a(drive, x, v),   drive = a multiple of u
  *
- * with the parameters solver.method and solver.stepSize and the output solver.nfev. [x] is the unit of x. Unless it says
- * otherwise, a function is called with allowed parameters and finite arguments, and fails by a result that is not finite. */
+ * with the parameters solver.method and solver.stepSize and the output solver.nfev. [x] is the unit of x. Unless it
+ * says otherwise, a function is called with allowed parameters and finite arguments, and fails by a result that is not
+ * finite. Inline is what is called in every step: a call costs as much as its arithmetic. */
 #ifndef MODEL_H
 #define MODEL_H
 
@@ -20,32 +21,32 @@ typedef struct {
     unsigned x, v, a;          /* value references of the outputs x, v and a */
     unsigned x_start, v_start; /* of the parameters that x and v start from */
     unsigned input;            /* of the input u */
-    double rest;               /* x [x] of the small swings that the stability limits are for; v and drive are 0 there */
-    const char *system;        /* what moves, in messages: "for this ..." */
-    const char *cause;         /* what u is, in messages: "check the ..." */
+    double rest;        /* x [x] of the small swings that the stability limits are for; v and drive are 0 there */
+    const char *system; /* what moves, in messages: "for this ..." */
+    const char *cause;  /* what u is, in messages: "check the ..." */
 } Facts;
 
 /* What the parameters make of the equation; the model's file defines `struct Model`. */
 typedef struct Model Model;
 
-/* Whether model_of() can compute with parameters that were not checked yet: say, that it divides by none that is zero. */
+/* Whether model_of() can compute with parameters that are not checked yet: none is zero that it divides by. */
 static bool model_exists(const double values[VARIABLE_COUNT]);
 
 /* The model with the parameters among `values`, which are by value reference. */
-static Model model_of(const double values[VARIABLE_COUNT]);
+static inline Model model_of(const double values[VARIABLE_COUNT]);
 
 /* Add to `problems`, by append_out_of_range(), what the model cannot compute with although each parameter is allowed by
  * itself; what is added refuses the parameters. */
 static void model_check(const double values[VARIABLE_COUNT], Text *problems);
 
 /* The drive [x/s2] by the input `u` [its unit], over `factor`. */
-static double model_drive(const Model *model, double u, double factor);
+static inline double model_drive(const Model *model, double u, double factor);
 
-/* a [x/s2]. The methods' loops consist of it: inline. */
+/* a [x/s2]. */
 static inline double model_acceleration(const Model *model, double drive, double x, double v);
 
-/* Solve V = v + b*a(drive, X, V), X = x + b*V for a stage b [s] of an implicit method, put X and V in the place of x and v,
- * and return how often a was evaluated. Not finite X or V: it diverged. */
+/* Solve V = v + b*a(drive, X, V), X = x + b*V for a stage b [s] of an implicit method, put X and V in the place of x
+ * and v, and return how often a was evaluated. Not finite X or V: it diverged. */
 static inline int64_t model_implicit_stage(const Model *model, double b, double drive, double *x, double *v);
 
 /* The b [s] below which these equations have a single solution; INFINITY: they always have. */
@@ -54,7 +55,7 @@ static double model_longest_implicit_stage(const Model *model);
 /* An output [its unit] other than x, v and a, of any finite or other values. */
 static double model_output(const double values[VARIABLE_COUNT], unsigned output);
 
-/* The partial derivative [their units] of a or of an output of model_output() with respect to x, v, u or a parameter. */
+/* The partial derivative [their units] of a or an output of model_output() with respect to x, v, u or a parameter. */
 static double model_partial_derivative(const Model *model, double drive, double x, double v, unsigned output,
                                        unsigned known);
 

@@ -33,7 +33,7 @@ static bool model_exists(const double values[VARIABLE_COUNT]) {
     return values[VR_m] != 0.0 && values[VR_L] != 0.0;
 }
 
-static Model model_of(const double values[VARIABLE_COUNT]) {
+static inline Model model_of(const double values[VARIABLE_COUNT]) {
     return (Model){
         .m = values[VR_m],
         .L = values[VR_L],
@@ -61,7 +61,7 @@ static void model_check(const double values[VARIABLE_COUNT], Text *problems) {
 }
 
 /* tau/J, also where J leaves the range of a double; zero is always +0.0. */
-static double model_drive(const Model *model, double tau, double factor) {
+static inline double model_drive(const Model *model, double tau, double factor) {
     const double moment = model->m * model->L;
     const double J = moment * model->L;
     const double divisor = J * factor;
@@ -97,7 +97,8 @@ static inline int64_t solve_kepler(double s, double c, double *root) {
         double next = x - correction;
         *root = next;
         /* The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of the last place. */
-        if (fabs(s) * correction * correction <= DBL_EPSILON / 4.0 * slope * fabs(next) || next == x) return evaluations;
+        if (fabs(s) * correction * correction <= DBL_EPSILON / 4.0 * slope * fabs(next) || next == x)
+            return evaluations;
         if (!(low < next && next < high)) {
             next = 0.5 * (low + high);
             *root = x;

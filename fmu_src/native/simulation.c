@@ -9,13 +9,13 @@
 
 static const double NO_DERIVATIVES[MAX_INPUT_ORDER] = {0.0};
 
-static Motion motion_under(const Simulation *simulation, const double derivatives[MAX_INPUT_ORDER]) {
+static inline Motion motion_under(const Simulation *simulation, const double derivatives[MAX_INPUT_ORDER]) {
     const double *values = simulation->values;
     const Method method = (Method)(int)values[VR_solver_method];
     return motion(model_of(values), method, values[MODEL.input], derivatives);
 }
 
-static Motion motion_of(const Simulation *simulation) {
+static inline Motion motion_of(const Simulation *simulation) {
     return motion_under(simulation, simulation->input_derivatives);
 }
 

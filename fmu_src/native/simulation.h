@@ -38,7 +38,7 @@ static bool has_partial_derivative(unsigned unknown, unsigned known, bool initia
 /* Write which partial derivatives there are. */
 static void describe_partial_derivatives(bool initializing, Text *text);
 
-/* The partial derivative of an output with respect to a variable [their units]; not finite where it cannot be computed. */
+/* The partial derivative of an output with respect to a variable [their units]; not finite: it cannot be computed. */
 static double partial_derivative(const Simulation *simulation, unsigned unknown, unsigned known);
 
 /* Write the values on which the outputs depend. */
@@ -53,7 +53,7 @@ static bool has_warnings(const Simulation *simulation, Text *text);
 /* Whether there can be these values, by themselves or as those of an instance that is `stepping`. */
 static bool can_be(const Simulation *simulation, bool stepping, Text *scratch);
 
-/* Advance from `time` over `duration` [s]; return false, the reason in `text` and nothing changed, if that is impossible. */
+/* Advance from `time` over `duration` [s]; return false, the reason in `text` and nothing changed, if it cannot be. */
 static bool make_step(Simulation *simulation, double time, double duration, Text *text);
 
 #endif
