@@ -65,6 +65,38 @@ static inline int64_t explicit_runge_kutta4(const Motion *p, double t, double h,
     return 4;
 }
 
+/* The residual rises with the rate where the solution is a single one, so that its sign says on which side that lies.
+ */
+static inline int64_t newton_stage(const Model *model, double b, double drive, double *x, double *v) {
+    const double x_before = *x;
+    const double v_before = *v;
+    *x = x_before + b * v_before;
+    double low = -INFINITY;
+    double high = INFINITY;
+    double last_move = INFINITY;
+    for (int64_t evaluations = 1;; evaluations++) {
+        const double a = model_acceleration(model, drive, *x, *v);
+        const double a_x = model_partial_derivative(model, drive, *x, *v, MODEL.a, MODEL.x);
+        const double a_v = model_partial_derivative(model, drive, *x, *v, MODEL.a, MODEL.v);
+        const double residual = (*v - v_before) - b * a;
+        const double correction = residual / (1.0 - b * (a_v + b * a_x));
+        if (residual > 0.0) {
+            high = *v;
+        } else {
+            low = *v;
+        }
+        /* Newton's method doubles the digits: after a step this small all are right. */
+        const bool is_last = fabs(correction) <= 1e-9 * (fabs(*v) + fabs(v_before) + fabs(b * a));
+        const bool is_slow = fabs(correction) > 0.5 * last_move || !(low < *v - correction && *v - correction < high);
+        const bool bisects = !is_last && is_slow && isfinite(high - low);
+        const double next = bisects ? 0.5 * (low + high) : *v - correction;
+        last_move = fabs(next - *v);
+        *v = next;
+        *x = x_before + b * next;
+        if (is_last || !isfinite(*x) || next == low || next == high) return evaluations;
+    }
+}
+
 static inline int64_t implicit_euler(const Motion *p, double t, double h, double *x, double *v) {
     return model_implicit_stage(&p->model, h, drive_at(p, t + h), x, v);
 }

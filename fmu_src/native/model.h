@@ -71,7 +71,11 @@ typedef struct {
 /* The first or second derivative [its unit/s, /s2] of an output of model_output() with respect to time. */
 static double model_output_derivative(const Model *model, const Moment *at, unsigned output, int order);
 
+/* Given to the model, for a model_implicit_stage() that knows no better: Newton's method on a and its partial
+ * derivatives, to the last bits where b is below model_longest_implicit_stage(). */
+static inline int64_t newton_stage(const Model *model, double b, double drive, double *x, double *v);
+
 /* Given to the model: add that `name`, a product or quotient of parameters, is out of range with its value [unit]. */
-static void append_out_of_range(Text *problems, const char *name, double value, const char *unit);
+static inline void append_out_of_range(Text *problems, const char *name, double value, const char *unit);
 
 #endif

@@ -2,13 +2,13 @@
 
 #include <math.h>
 
-static Split split(double value) {
+static inline Split split(double value) {
     Split parts = {value, 0};
     if (isfinite(value)) parts.mantissa = frexp(value, &parts.power);
     return parts;
 }
 
-static double product(const double factors[], int count) {
+static inline double product(const double factors[], int count) {
     double mantissa = 1.0;
     int power = 0;
     for (int i = 0; i < count; i++) {

@@ -1,4 +1,4 @@
-/* Products of doubles that neither overflow nor lose digits on the way. */
+/* Products of doubles that neither overflow nor lose digits on the way: for models, which need not use them. */
 #ifndef SCALING_H
 #define SCALING_H
 
@@ -9,9 +9,9 @@ typedef struct {
 } Split;
 
 /* The parts of `value`; what is not finite is its own mantissa. */
-static Split split(double value);
+static inline Split split(double value);
 
 /* The product of `count` factors; infinite or zero only where the result leaves the range of a double. */
-static double product(const double factors[], int count);
+static inline double product(const double factors[], int count);
 
 #endif

@@ -149,7 +149,7 @@ static bool is_allowed(const Simulation *simulation, unsigned parameter) {
     return VARIABLES[parameter].lowest <= value && value <= VARIABLES[parameter].highest;
 }
 
-static void append_out_of_range(Text *problems, const char *name, double value, const char *unit) {
+static inline void append_out_of_range(Text *problems, const char *name, double value, const char *unit) {
     append(problems, "%s%s = %s %s is out of the range of a double", *problems->text == '\0' ? "" : "; ", name,
            repr(value).text, unit);
 }
