@@ -38,8 +38,8 @@ static unsigned below(unsigned n) {
 }
 
 static double random_real(void) {
-    static const double special[] = {0.0, -0.0, 1.0, -1.0, 1e-3, 10.0, NAN, INFINITY, -INFINITY, DBL_MAX, -DBL_MAX,
-                                     DBL_MIN, 5e-324, 1e300, 1e-300, 1e6};
+    static const double special[] = {0.0,       -0.0,    1.0,      -1.0,    1e-3,   10.0,  NAN,    INFINITY,
+                                     -INFINITY, DBL_MAX, -DBL_MAX, DBL_MIN, 5e-324, 1e300, 1e-300, 1e6};
     if (below(4) == 0) return special[below(sizeof special / sizeof *special)];
     if (below(8) == 0) {
         const uint64_t bits = random_bits();
@@ -81,17 +81,26 @@ static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2St
 }
 
 static void instantiate(fmi2Component *place) {
-    const fmi2CallbackFunctions with = {logger, calloc, free, NULL, &seed}, without = {NULL, NULL, NULL, NULL, NULL};
+    const fmi2CallbackFunctions with = {logger, calloc, free, NULL, &seed};
+    const fmi2CallbackFunctions without = {NULL, NULL, NULL, NULL, NULL};
     fmi2FreeInstance(*place);
-    *place = fmi2Instantiate(below(20) ? "%s%n fuzz" : below(2) ? "" : NULL, (fmi2Type)(below(20) != 0),
-                             below(20) ? MODEL_GUID : below(2) ? "%s%n" : NULL, or_null("file:///%s"),
-                             below(20) ? (below(20) ? &with : &without) : NULL, fmi2False, fmi2True);
+    const char *wrong_name = below(2) ? "" : NULL;
+    const char *wrong_guid = below(2) ? "%s%n" : NULL;
+    const char *name = below(20) ? "%s%n fuzz" : wrong_name;
+    const char *guid = below(20) ? MODEL_GUID : wrong_guid;
+    const fmi2CallbackFunctions *callbacks = below(20) ? &with : &without;
+    if (below(20) == 0) callbacks = NULL;
+    *place =
+        fmi2Instantiate(name, (fmi2Type)(below(20) != 0), guid, or_null("file:///%s"), callbacks, fmi2False, fmi2True);
 }
 
 static void corrupt(void) {
     if (size == 0) return;
-    if (below(2)) bytes[below((unsigned)size)] ^= (char)(1u << below(8));
-    else size = below(BYTES);
+    if (below(2)) {
+        bytes[below((unsigned)size)] ^= (char)(1u << below(8));
+    } else {
+        size = below(BYTES);
+    }
 }
 
 /* What can be seen of an instance. */
@@ -105,8 +114,8 @@ static View look(fmi2Component c) {
     static const fmi2ValueReference integers[] = {VR_solver_nfev, VR_solver_method};
     View view;
     memset(&view, 0, sizeof view);
-    if (c != NULL && (fmi2GetReal(c, reals, 4, view.reals) != fmi2OK ||
-                      fmi2GetInteger(c, integers, 2, view.integers) != fmi2OK))
+    if (c != NULL &&
+        (fmi2GetReal(c, reals, 4, view.reals) != fmi2OK || fmi2GetInteger(c, integers, 2, view.integers) != fmi2OK))
         abort();
     return view;
 }
@@ -176,8 +185,7 @@ static fmi2Status call(fmi2Component c, unsigned function) {
     case 13: return fmi2SetString(c, or_null(vr), n, or_null(strings));
     case 14: return fmi2SetRealInputDerivatives(c, or_null(vr), n, or_null(orders), or_null(reals));
     case 15: return fmi2GetRealOutputDerivatives(c, or_null(known), n, or_null(orders), or_null(reals));
-    case 16:
-        return fmi2GetDirectionalDerivative(c, or_null(vr), n, or_null(known), n, or_null(reals), or_null(more));
+    case 16: return fmi2GetDirectionalDerivative(c, or_null(vr), n, or_null(known), n, or_null(reals), or_null(more));
     case 17: return fmi2GetFMUstate(c, or_null(state));
     case 18: return fmi2SetFMUstate(c, *state);
     case 19: return fmi2FreeFMUstate(c, or_null(state));
@@ -186,7 +194,10 @@ static fmi2Status call(fmi2Component c, unsigned function) {
         status = fmi2SerializeFMUstate(c, *state, or_null(bytes), below(4) ? BYTES : below(BYTES));
         if (status == fmi2OK && fmi2SerializedFMUstateSize(c, *state, &size) != fmi2OK) abort();
         return status;
-    case 22: corrupt(); return fmi2OK;
+    case 22: {
+        corrupt();
+        return fmi2OK;
+    }
     case 23: {
         fmi2FMUstate new = below(2) ? *state : (fmi2FMUstate)&bytes[below(BYTES)];
         const fmi2FMUstate held = new;
@@ -240,8 +251,10 @@ int main(int argc, char *argv[]) {
         if (c == NULL && status == fmi2Warning) abort();
         counts[status]++;
     }
-    for (int i = 0; i < STATES; i++) free(states[i]);
-    for (int i = 0; i < INSTANCES; i++) fmi2FreeInstance(instances[i]);
+    for (int i = 0; i < STATES; i++)
+        free(states[i]);
+    for (int i = 0; i < INSTANCES; i++)
+        fmi2FreeInstance(instances[i]);
     printf("ok %ld, warning %ld, discard %ld, error %ld\n", counts[0], counts[1], counts[2], counts[3]);
     return 0;
 }

@@ -34,7 +34,8 @@ static int maps_contain(const char *word) {
     char line[4096];
     int found = 0;
     FILE *maps = fopen("/proc/self/maps", "r");
-    while (maps != NULL && fgets(line, sizeof line, maps) != NULL) found |= strstr(line, word) != NULL;
+    while (maps != NULL && fgets(line, sizeof line, maps) != NULL)
+        found |= strstr(line, word) != NULL;
     if (maps != NULL) fclose(maps);
     return found;
 }

@@ -16,12 +16,29 @@ int pendulum(void);
 int get(void);
 int tell(void);
 
-double energy(void) { return 1.0; }
-double acceleration(void) { return 2.0; }
-int integrate(void) { return 3; }
-int pendulum(void) { return 4; }
-int get(void) { return 5; }
-int tell(void) { return 6; }
+double energy(void) {
+    return 1.0;
+}
+
+double acceleration(void) {
+    return 2.0;
+}
+
+int integrate(void) {
+    return 3;
+}
+
+int pendulum(void) {
+    return 4;
+}
+
+int get(void) {
+    return 5;
+}
+
+int tell(void) {
+    return 6;
+}
 
 int main(void) {
     fmi2Component a = A_fmi2Instantiate("a", fmi2CoSimulation, MODEL_GUID, "", NULL, fmi2False, fmi2False);

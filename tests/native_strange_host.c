@@ -147,6 +147,7 @@ int main(int argc, char *argv[]) {
         const char *name;
         int mode;
     } roundings[] = {{"upward", FE_UPWARD}, {"downward", FE_DOWNWARD}, {"towardzero", FE_TOWARDZERO}};
+
     const char *condition = argc == 2 ? argv[1] : "";
     if (strcmp(condition, "plain") == 0) {
         all(NULL);

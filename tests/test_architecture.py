@@ -58,15 +58,44 @@ def test_a_module_imports_only_those_below_it(module: str) -> None:
     assert foreign((SOURCES / module.replace(".", "/")).with_suffix(".py")) == ALLOWED[module]
 
 
+NATIVE = SOURCES / "native"
+KNOWS_THE_MODEL = NATIVE / "pendulum.c"
 SHELL = [
     *(SOURCES / "fmi").glob("*.py"),
-    *(SOURCES / "native" / name for name in ("fmi2.c", "model.h", "text.c", "text.h")),
+    *({*NATIVE.glob("*.c"), *NATIVE.glob("*.h"), *NATIVE.glob("*.in")} - {KNOWS_THE_MODEL}),
 ]
 
 
 @pytest.mark.parametrize("path", SHELL, ids=lambda path: path.name)
 def test_what_knows_fmi_knows_no_pendulum(path: Path) -> None:
     assert not re.findall(r"(?i)pendulum|phi|\btau\b", path.read_text("utf-8"))
+
+
+# C file and its header -> what they may include of ours.
+INCLUDES = {
+    "text": set(),
+    "scaling": set(),
+    "model": {"interface.h", "text.h"},
+    "pendulum": {"model.h", "scaling.h"},
+    "methods": {"model.h", "text.h"},
+    "simulation": {"interface.h", "methods.h", "model.h", "text.h"},
+    "fmi2": {"simulation.h", "text.h"},
+}
+
+
+@pytest.mark.parametrize("name", INCLUDES)
+def test_a_c_file_includes_only_what_is_below_it(name: str) -> None:
+    texts = [path.read_text("utf-8") for path in NATIVE.glob(f"{name}.[ch]")]
+    found = {header for text in texts for header in re.findall(r'#include "(.+)"', text)}
+    assert found - {f"{name}.h", "fmi2Functions.h"} == INCLUDES[name]
+
+
+def test_the_one_compiled_c_file_includes_the_others_from_below() -> None:
+    text = (NATIVE / "all.c").read_text("utf-8")
+    text = text.replace("MODEL_FILE\n", f'"{KNOWS_THE_MODEL.name}"\n')
+    order = re.findall(r'#include "(.+)\.c"', text)
+    assert order == [name for name in INCLUDES if name != "model"]
+    assert {f"{name}.c" for name in order} | {"all.c"} == {path.name for path in NATIVE.glob("*.c")}
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "validation").glob("*.py")), ids=lambda path: path.stem)

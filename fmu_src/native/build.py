@@ -29,10 +29,22 @@ FOLDER = Path(__file__).resolve().parent
 INTERFACE = SLAVE.interface
 MODEL_NAME = f"{INTERFACE.model_name}Native"
 SOURCES = ("all.c",)  # which includes the other C files
-INCLUDED = ("text.c", "text.h", "pendulum.c", "pendulum.h", "model.c", "model.h", "fmi2.c", "interface.h")
-MAX_INPUT_ORDER = (
-    3  # of the derivatives of the torque; with these no method loses any of its order, 4 at most
+MODEL_FILE = "pendulum.c"  # the one file that knows the model, see model.h
+INCLUDED = (
+    "text.c",
+    "text.h",
+    "scaling.c",
+    "scaling.h",
+    "model.h",
+    MODEL_FILE,
+    "methods.c",
+    "methods.h",
+    "simulation.c",
+    "simulation.h",
+    "fmi2.c",
+    "interface.h",
 )
+MAX_INPUT_ORDER = 3  # of the derivatives of the input; with these no method loses any of its order, 4 at most
 MAX_OUTPUT_ORDER = 2  # of the derivatives that fmi2GetRealOutputDerivatives knows
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = (
@@ -81,6 +93,8 @@ def sources(guid: str) -> dict[str, bytes]:
 def header(guid: str) -> str:
     """Return interface.h: interface.h.in with the interface tables filled in."""
     marks = {
+        "MODEL_FILE": MODEL_FILE,
+        "MODEL_NAME": MODEL_NAME,
         "GUID": guid,
         "STATE_FORMAT": INTERFACE.state_format(MODEL_NAME),
         "REFERENCES": ", ".join(f"VR_{variable.name.replace('.', '_')}" for variable in INTERFACE.variables),

@@ -1,56 +1,81 @@
-/* What the FMI functions ask of the model: values in and out, checks in words, steps. */
+/* The contract of a model: what its one C file defines, besides the tables in interface.h.
+ *
+ * A model is one equation of motion with one input u,
+ *
+ *     der(x) = v,   der(v) = a(drive, x, v),   drive = a multiple of u
+ *
+ * with the parameters solver.method and solver.stepSize and the output solver.nfev. [x] is the unit of x. Unless it
+ * says otherwise, a function is called with allowed parameters and finite arguments, and fails by a result that is not
+ * finite. Inline is what is called in every step: a call costs as much as its arithmetic. */
 #ifndef MODEL_H
 #define MODEL_H
 
 #include <stdbool.h>
+#include <stdint.h>
+
 #include "interface.h"
 #include "text.h"
 
-/* All that the future of the model depends on; of doubles alone, so that there is no padding in a saved state. */
+/* The model's file defines `static const Facts MODEL`. */
 typedef struct {
-    double values[VARIABLE_COUNT];             /* by value reference; those of a and E are computed when asked for */
-    double input_derivatives[MAX_INPUT_ORDER]; /* of the input, of order 1, 2, ... [its unit/s, /s2, ...] */
-    double elapsed;                            /* since the input and these were set [s]: 0, or the length of the last step */
-} Model;
+    unsigned x, v, a;          /* value references of the outputs x, v and a */
+    unsigned x_start, v_start; /* of the parameters that x and v start from */
+    unsigned input;            /* of the input u */
+    double rest;        /* x [x] of the small swings that the stability limits are for; v and drive are 0 there */
+    const char *system; /* what moves, in messages: "for this ..." */
+    const char *cause;  /* what u is, in messages: "check the ..." */
+} Facts;
 
-/* Give every variable its start value. */
-static void model_reset(Model *model);
+/* What the parameters make of the equation; the model's file defines `struct Model`. */
+typedef struct Model Model;
 
-/* Set a parameter or an input. */
-static void model_set(Model *model, unsigned reference, double value);
+/* Whether model_of() can compute with parameters that are not checked yet: none is zero that it divides by. */
+static bool model_exists(const double values[VARIABLE_COUNT]);
 
-/* Set the derivative of an input at the beginning of the next step, for that step alone. */
-static void model_set_input_derivative(Model *model, unsigned reference, int order, double value);
+/* The model with the parameters among `values`, which are by value reference. */
+static inline Model model_of(const double values[VARIABLE_COUNT]);
 
-/* The value of a variable; not finite where it cannot be computed. */
-static double model_value(const Model *model, unsigned reference);
+/* Add to `problems`, by append_out_of_range(), what the model cannot compute with although each parameter is allowed by
+ * itself; what is added refuses the parameters. */
+static void model_check(const double values[VARIABLE_COUNT], Text *problems);
 
-/* Whether a variable is computed when it is asked for. */
-static bool model_computes(unsigned reference);
+/* The drive [x/s2] by the input `u` [its unit], over `factor`. */
+static inline double model_drive(const Model *model, double u, double factor);
 
-/* The derivative of an output with respect to time. */
-static double model_time_derivative(const Model *model, unsigned reference, int order);
+/* a [x/s2]. */
+static inline double model_acceleration(const Model *model, double drive, double x, double v);
 
-/* Whether there is a partial derivative of `unknown` with respect to `known`, in words, too. */
-static bool model_has_partial_derivative(unsigned unknown, unsigned known, bool initializing);
-static const char *model_partial_derivatives(bool initializing);
+/* Solve V = v + b*a(drive, X, V), X = x + b*V for a stage b [s] of an implicit method, put X and V in the place of x
+ * and v, and return how often a was evaluated. Not finite X or V: it diverged. */
+static inline int64_t model_implicit_stage(const Model *model, double b, double drive, double *x, double *v);
 
-/* The partial derivative of an output with respect to a variable. */
-static double model_partial_derivative(const Model *model, unsigned unknown, unsigned known);
+/* The b [s] below which these equations have a single solution; INFINITY: they always have. */
+static double model_longest_implicit_stage(const Model *model);
 
-/* Write the values on which the outputs depend. */
-static void model_describe(const Model *model, Text *text);
+/* An output [its unit] other than x, v and a, of any finite or other values. */
+static double model_output(const double values[VARIABLE_COUNT], unsigned output);
 
-/* Write what is wrong with the parameters, and return whether anything is. */
-static bool model_has_problems(const Model *model, Text *text);
+/* The partial derivative [their units] of a or an output of model_output() with respect to x, v, u or a parameter. */
+static double model_partial_derivative(const Model *model, double drive, double x, double v, unsigned output,
+                                       unsigned known);
 
-/* Write what a user should know although the parameters are allowed, and return whether there is anything. */
-static bool model_has_warnings(const Model *model, Text *text);
+/* The part of der(der(a)) [x/s4] by the second partial derivatives: a_xx*v^2 + 2*a_xv*v*a + a_vv*a^2. */
+static double model_curvature(const Model *model, double x, double v, double a);
 
-/* Whether the model can be in this state, by itself or as that of an instance that is `stepping`. */
-static bool model_is_possible(const Model *model, bool stepping, Text *scratch);
+/* A moment of a motion. */
+typedef struct {
+    double drive, drive1, drive2; /* and its derivatives with respect to time [x/s2, x/s3, x/s4] */
+    double x, v, a;               /* [x, x/s, x/s2] */
+} Moment;
 
-/* Advance from `time` over `duration`; return false, the reason in `text` and nothing changed, if that is impossible. */
-static bool model_step(Model *model, double time, double duration, Text *text);
+/* The first or second derivative [its unit/s, /s2] of an output of model_output() with respect to time. */
+static double model_output_derivative(const Model *model, const Moment *at, unsigned output, int order);
+
+/* Given to the model, for a model_implicit_stage() that knows no better: Newton's method on a and its partial
+ * derivatives, to the last bits where b is below model_longest_implicit_stage(). */
+static inline int64_t newton_stage(const Model *model, double b, double drive, double *x, double *v);
+
+/* Given to the model: add that `name`, a product or quotient of parameters, is out of range with its value [unit]. */
+static inline void append_out_of_range(Text *problems, const char *name, double value, const char *unit);
 
 #endif

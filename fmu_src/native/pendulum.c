@@ -1,38 +1,46 @@
+/* The damped pendulum. damped_pendulum/model.py is the specification: the order of the operations is its, so that the
+ * results are the same bits.
+ *
+ *     J*der(w) = tau - gamma*L^2*w - m*g*L*sin(phi),   der(phi) = w,   J = m*L^2
+ *
+ * phi [rad] counts from the downward vertical; w [rad/s]. */
+
 #include <float.h>
 #include <math.h>
-#include "pendulum.h"
 
-/* A fused multiply-add rounds once where Python rounds twice. */
-#if defined __clang__
-#pragma STDC FP_CONTRACT OFF
-#elif defined __GNUC__
-#pragma GCC optimize("fp-contract=off")
-#elif defined _MSC_VER
-#pragma fp_contract(off)
-#endif
+#include "model.h"
+#include "scaling.h"
 
-/* A double as mantissa*2^power: products of mantissas alone neither overflow nor lose digits. */
-typedef struct {
-    double mantissa;
-    int power;
-} Split;
+static const Facts MODEL = {
+    .x = VR_phi,
+    .v = VR_w,
+    .a = VR_a,
+    .x_start = VR_phi_start,
+    .v_start = VR_w_start,
+    .input = VR_tau,
+    .rest = 0.0,
+    .system = "pendulum",
+    .cause = "torque",
+};
 
-static Split split(double value) {
-    Split parts = {value, 0};
-    if (isfinite(value)) parts.mantissa = frexp(value, &parts.power);
-    return parts;
+struct Model {
+    double m, L, g;      /* mass [kg], length [m], gravity [m/s2] */
+    double damping_rate; /* gamma/m [1/s] */
+    double w02;          /* g/L [rad/s2] */
+};
+
+static bool model_exists(const double values[VARIABLE_COUNT]) {
+    return values[VR_m] != 0.0 && values[VR_L] != 0.0;
 }
 
-/* The product of a few factors without overflow or lost digits on the way to it. */
-static double product(const double factors[], int count) {
-    double mantissa = 1.0;
-    int power = 0;
-    for (int i = 0; i < count; i++) {
-        const Split factor = split(factors[i]);
-        mantissa *= factor.mantissa;
-        power += factor.power;
-    }
-    return ldexp(mantissa, power);
+static inline Model model_of(const double values[VARIABLE_COUNT]) {
+    return (Model){
+        .m = values[VR_m],
+        .L = values[VR_L],
+        .g = values[VR_g],
+        .damping_rate = values[VR_gamma] / values[VR_m],
+        .w02 = values[VR_g] / values[VR_L],
+    };
 }
 
 static double moment_of_inertia(double m, double L) {
@@ -41,169 +49,35 @@ static double moment_of_inertia(double m, double L) {
     return ldexp(mass.mantissa * length.mantissa * length.mantissa, mass.power + 2 * length.power);
 }
 
-/* torque/(J*factor), also where J leaves the range of a double; zero is always +0.0. */
-static double per_inertia(double torque, double m, double L, double factor) {
-    const double moment = m * L;
-    const double J = moment * L;
+static void model_check(const double values[VARIABLE_COUNT], Text *problems) {
+    const double J = moment_of_inertia(values[VR_m], values[VR_L]);
+    if (!(0.0 < J && J < INFINITY)) {
+        append_out_of_range(problems, "J = m*L^2", J, "kg.m2");
+        return;
+    }
+    const Model model = model_of(values);
+    if (!isfinite(model.damping_rate)) append_out_of_range(problems, "gamma/m", model.damping_rate, "1/s");
+    if (!isfinite(model.w02)) append_out_of_range(problems, "g/L", model.w02, "1/s2");
+}
+
+/* tau/J, also where J leaves the range of a double; zero is always +0.0. */
+static inline double model_drive(const Model *model, double tau, double factor) {
+    const double moment = model->m * model->L;
+    const double J = moment * model->L;
     const double divisor = J * factor;
-    if (DBL_MIN <= moment && DBL_MIN <= J && divisor < INFINITY) return torque / divisor + 0.0;
-    const Split mass = split(m);
-    const Split length = split(L);
-    const Split push = split(torque);
+    if (DBL_MIN <= moment && DBL_MIN <= J && divisor < INFINITY) return tau / divisor + 0.0;
+    const Split mass = split(model->m);
+    const Split length = split(model->L);
+    const Split torque = split(tau);
     const double inertia = mass.mantissa * length.mantissa * length.mantissa * factor;
-    return ldexp(push.mantissa / inertia, push.power - mass.power - 2 * length.power) + 0.0;
+    return ldexp(torque.mantissa / inertia, torque.power - mass.power - 2 * length.power) + 0.0;
 }
 
-static Pendulum pendulum(const double values[VARIABLE_COUNT], const double derivatives[MAX_INPUT_ORDER]) {
-    const double m = values[VR_m];
-    const double L = values[VR_L];
-    const double g = values[VR_g];
-    Pendulum p = {
-        .m = m,
-        .L = L,
-        .g = g,
-        .damping_rate = values[VR_gamma] / m,
-        .w02 = g / L,
-        .drive[0] = per_inertia(values[VR_tau], m, L, 1.0),
-        .method = (Method)(int)values[VR_solver_method],
-    };
-    double factorial = 1.0;
-    for (int k = 1; k <= MAX_INPUT_ORDER; k++) {
-        factorial *= k;
-        if (derivatives[k - 1] == 0.0) continue;
-        p.drive[k] = per_inertia(derivatives[k - 1], m, L, factorial);
-        if (p.drive[k] != 0.0) p.order = k;
-    }
-    return p;
-}
-
-static inline double drive_at(const Pendulum *p, double t) {
-    double drive = p->drive[p->order];
-    for (int k = p->order; k > 0; k--) drive = drive * t + p->drive[k - 1];
-    return drive;
-}
-
-static inline double acceleration(const Pendulum *p, double t, double phi, double w) {
-    double a = p->order == 0 ? p->drive[0] : drive_at(p, t);
-    if (p->damping_rate != 0.0) a -= p->damping_rate * w;
-    if (p->w02 != 0.0) a -= p->w02 * sin(phi);
+static inline double model_acceleration(const Model *model, double drive, double phi, double w) {
+    double a = drive;
+    if (model->damping_rate != 0.0) a -= model->damping_rate * w;
+    if (model->w02 != 0.0) a -= model->w02 * sin(phi);
     return a;
-}
-
-/* The potential energy is 2*m*g*L*sin(phi/2)^2: 1 - cos(phi) would lose the digits of small swings. */
-static double energy(double m, double L, double g, double phi, double w) {
-    const Split mass = split(m);
-    const Split length = split(L);
-    const Split gravity = split(g);
-    const Split rate = split(w);
-    const Split half = split(sin(phi / 2.0));
-    const double inertia = mass.mantissa * length.mantissa * length.mantissa;
-    const double kinetic = 0.5 * inertia * rate.mantissa * rate.mantissa;
-    const double potential =
-        2.0 * mass.mantissa * gravity.mantissa * length.mantissa * (half.mantissa * half.mantissa);
-    const int kinetic_power = mass.power + 2 * (length.power + rate.power);
-    const int potential_power = mass.power + gravity.power + length.power + 2 * half.power;
-    if (potential == 0.0) return ldexp(kinetic, kinetic_power);
-    if (kinetic == 0.0) return ldexp(potential, potential_power);
-    const int power = kinetic_power > potential_power ? kinetic_power : potential_power;
-    return ldexp(ldexp(kinetic, kinetic_power - power) + ldexp(potential, potential_power - power), power);
-}
-
-static double time_derivative(const Pendulum *p, double t, double phi, double w, int output, int order) {
-    const double k = p->damping_rate;
-    const double s = p->w02 * sin(phi);
-    const double c = p->w02 * cos(phi);
-    const double drive1 = p->drive[1] + t * (2.0 * p->drive[2] + t * 3.0 * p->drive[3]);
-    const double drive2 = 2.0 * p->drive[2] + t * 6.0 * p->drive[3];
-    const double a = acceleration(p, t, phi, w);
-    const double a1 = drive1 - k * a - c * w;
-    const double a2 = drive2 - k * a1 - c * a + s * w * w;
-    const double push = drive_at(p, t) - k * w; /* der(E) = J*w*push, the power of torque and drag */
-    const double push1 = drive1 - k * a;
-    switch (output) {
-    case VR_phi: return order == 1 ? w : a;
-    case VR_w: return order == 1 ? a : a1;
-    case VR_a: return order == 1 ? a1 : a2;
-    default: break;
-    }
-    if (order == 1) return product((const double[]){p->m, p->L, p->L, w, push}, 5);
-    return product((const double[]){p->m, p->L, p->L, a * push + w * push1}, 4);
-}
-
-static double partial_derivative_of_a(const Pendulum *p, double phi, double w, int known) {
-    const double drive = p->drive[0];
-    switch (known) {
-    case VR_phi:
-    case VR_phi_start: return -p->w02 * cos(phi);
-    case VR_w:
-    case VR_w_start: return -p->damping_rate;
-    case VR_tau: return per_inertia(1.0, p->m, p->L, 1.0);
-    case VR_m: return (p->damping_rate * w - drive) / p->m;
-    case VR_L: return (p->w02 * sin(phi) - 2.0 * drive) / p->L;
-    case VR_gamma: return -w / p->m;
-    case VR_g: return -sin(phi) / p->L;
-    default: return 0.0;
-    }
-}
-
-static double partial_derivative_of_E(const Pendulum *p, double phi, double w, int known) {
-    const double half = sin(phi / 2.0);
-    switch (known) {
-    case VR_phi:
-    case VR_phi_start: return product((const double[]){p->m, p->g, p->L, sin(phi)}, 4);
-    case VR_w:
-    case VR_w_start: return product((const double[]){p->m, p->L, p->L, w}, 4);
-    case VR_m: return energy(1.0, p->L, p->g, phi, w);
-    case VR_L: return product((const double[]){p->m, p->L, w, w}, 4) +
-                      product((const double[]){2.0, p->m, p->g, half, half}, 5);
-    case VR_g: return product((const double[]){2.0, p->m, p->L, half, half}, 5);
-    default: return 0.0;
-    }
-}
-
-static double partial_derivative(const Pendulum *p, double phi, double w, int output, int known) {
-    switch (output) {
-    case VR_phi: return known == VR_phi || known == VR_phi_start ? 1.0 : 0.0;
-    case VR_w: return known == VR_w || known == VR_w_start ? 1.0 : 0.0;
-    case VR_a: return partial_derivative_of_a(p, phi, w, known);
-    default: return partial_derivative_of_E(p, phi, w, known);
-    }
-}
-
-/* The methods: each advances phi and w by the substep of h that begins at t, and returns its evaluations. They and what
- * they call are inline, because a call costs as much as the arithmetic of a stage. */
-
-static inline int64_t explicit_euler(const Pendulum *p, double t, double h, double *phi, double *w) {
-    const double a = acceleration(p, t, *phi, *w);
-    *phi += h * *w;
-    *w += h * a;
-    return 1;
-}
-
-static inline int64_t explicit_midpoint2(const Pendulum *p, double t, double h, double *phi, double *w) {
-    const double half = h / 2;
-    const double a1 = acceleration(p, t, *phi, *w);
-    const double w2 = *w + half * a1;
-    const double a2 = acceleration(p, t + half, *phi + half * *w, w2);
-    *phi += h * w2;
-    *w += h * a2;
-    return 2;
-}
-
-static inline int64_t explicit_runge_kutta4(const Pendulum *p, double t, double h, double *phi, double *w) {
-    const double half = h / 2;
-    const double sixth = h / 6;
-    const double middle = *phi + half * *w;
-    const double end = *phi + h * *w;
-    const double a1 = acceleration(p, t, *phi, *w);
-    const double a2 = acceleration(p, t + half, middle, *w + half * a1);
-    const double a3 = acceleration(p, t + half, middle + half * half * a1, *w + half * a2);
-    const double a4 = acceleration(p, t + h, end + half * h * a2, *w + h * a3);
-    const double a23 = a2 + a3;
-    const double a123 = a1 + a23;
-    *phi = end + sixth * h * a123;
-    *w += sixth * (a123 + a23 + a4);
-    return 4;
 }
 
 /* Solve x + s*sin(x) = c for |s| < 1 by Newton's method to the last bit; bisection keeps x between bounds. */
@@ -234,12 +108,13 @@ static inline int64_t solve_kepler(double s, double c, double *root) {
     }
 }
 
-static inline int64_t implicit_euler(const Pendulum *p, double t, double h, double *phi, double *w) {
-    const double denominator = 1.0 + h * p->damping_rate;
-    const double kick = h * p->w02 / denominator;
-    const double s = h * kick;
-    const double v = (*w + h * drive_at(p, t + h)) / denominator;
-    const double c = *phi + h * v;
+/* Without the rate there is one equation for the angle x, x + s*sin(x) = c. */
+static inline int64_t model_implicit_stage(const Model *model, double b, double drive, double *phi, double *w) {
+    const double denominator = 1.0 + b * model->damping_rate;
+    const double kick = b * model->w02 / denominator;
+    const double s = b * kick;
+    const double v = (*w + b * drive) / denominator;
+    const double c = *phi + b * v;
     *phi = c;
     *w = v;
     if (s == 0.0) return 1;
@@ -248,79 +123,81 @@ static inline int64_t implicit_euler(const Pendulum *p, double t, double h, doub
     return evaluations;
 }
 
-static inline int64_t substeps_of(int64_t (*step)(const Pendulum *, double, double, double *, double *),
-                                  const Pendulum *given, double *phi, double *w, double h, int64_t first, int64_t n) {
-    const Pendulum p = *given; /* a copy that no call can change */
-    double x = *phi;
-    double v = *w;
-    int64_t nfev = 0;
-    for (int64_t i = first; i < first + n && isfinite(x) && isfinite(v); i++)
-        nfev += step(&p, (double)i * h, h, &x, &v);
-    *phi = x;
-    *w = v;
-    return nfev;
-}
-
-/* A loop for each method: a choice in the loop would cost a tenth. */
-static int64_t integrate(const Pendulum *p, double *phi, double *w, double h, int64_t first, int64_t n) {
-    switch (p->method) {
-    case ExplicitEuler: return substeps_of(explicit_euler, p, phi, w, h, first, n);
-    case ExplicitMidPoint2: return substeps_of(explicit_midpoint2, p, phi, w, h, first, n);
-    case ExplicitRungeKutta4: return substeps_of(explicit_runge_kutta4, p, phi, w, h, first, n);
-    default: return substeps_of(implicit_euler, p, phi, w, h, first, n);
-    }
-}
-
-static double stability_limit(const Pendulum *p) {
-    const double k = p->damping_rate;
-    const double w0 = sqrt(fabs(p->w02));
-    if (p->method == ImplicitEuler || (k == 0.0 && w0 == 0.0)) return INFINITY;
-    if (k >= 2.0 * w0) {
-        const double ratio = w0 / k;
-        return METHODS[p->method].real_limit / (k * (0.5 + sqrt(0.25 - ratio * ratio)));
-    }
-    /* (|R(h*lambda)|^2 - 1)/h in rising powers of h, R the stability function, in units of w0 */
-    const double z = k / w0;
-    const double z2 = z * z;
-    const double z3 = z2 * z;
-    const double z4 = z2 * z2;
-    const double growth[][8] = {
-        [ExplicitEuler] = {-z, 1.0},
-        [ExplicitMidPoint2] = {-z, z2 / 2, -z / 2, 0.25},
-        [ExplicitRungeKutta4] = {-z, z2 / 2, -z3 / 6, z4 / 24, (z - z3) / 24, z2 / 48 - 1.0 / 72, -z / 144,
-                                 1.0 / 576},
-    };
-    const double *leading = growth[p->method];
-    while (*leading == 0.0) leading++;
-    if (*leading > 0.0) return 0.0;
-    double stable = 0.0;
-    double unstable = 4.0; /* |R| > 1 for every method and damping at |h*lambda| = 4 */
-    for (;;) {
-        const double middle = 0.5 * (stable + unstable);
-        if (!(stable < middle && middle < unstable)) return stable / w0;
-        double value = 0.0;
-        for (int i = 7; i >= 0; i--) value = value * middle + growth[p->method][i];
-        if (value <= 0.0) {
-            stable = middle;
-        } else {
-            unstable = middle;
-        }
-    }
-}
-
-static double unique_root_limit(const Pendulum *p) {
-    if (p->method != ImplicitEuler || p->w02 == 0.0) return INFINITY;
-    const double w0 = sqrt(fabs(p->w02));
-    const double half = p->damping_rate / (2.0 * w0);
+/* |s| must stay below 1. */
+static double model_longest_implicit_stage(const Model *model) {
+    if (model->w02 == 0.0) return INFINITY;
+    const double w0 = sqrt(fabs(model->w02));
+    const double half = model->damping_rate / (2.0 * w0);
     return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9);
 }
 
-static double clock_noise(double time, double duration) {
-    return 4.0 * DBL_EPSILON * (fabs(time) + duration);
+/* The potential energy is 2*m*g*L*sin(phi/2)^2: 1 - cos(phi) would lose the digits of small swings. */
+static double energy(double m, double L, double g, double phi, double w) {
+    const Split mass = split(m);
+    const Split length = split(L);
+    const Split gravity = split(g);
+    const Split rate = split(w);
+    const Split half = split(sin(phi / 2.0));
+    const double inertia = mass.mantissa * length.mantissa * length.mantissa;
+    const double kinetic = 0.5 * inertia * rate.mantissa * rate.mantissa;
+    const double potential = 2.0 * mass.mantissa * gravity.mantissa * length.mantissa * (half.mantissa * half.mantissa);
+    const int kinetic_power = mass.power + 2 * (length.power + rate.power);
+    const int potential_power = mass.power + gravity.power + length.power + 2 * half.power;
+    if (potential == 0.0) return ldexp(kinetic, kinetic_power);
+    if (kinetic == 0.0) return ldexp(potential, potential_power);
+    const int power = kinetic_power > potential_power ? kinetic_power : potential_power;
+    return ldexp(ldexp(kinetic, kinetic_power - power) + ldexp(potential, potential_power - power), power);
 }
 
-static double substeps(double time, double duration, double max_step) {
-    const double n = (duration - clock_noise(time, duration)) / max_step;
-    if (n > MAX_SUBSTEPS) return n;
-    return n > 1.0 ? ceil(n) : 1.0;
+/* E, the energy [J], is the only one. */
+static double model_output(const double values[VARIABLE_COUNT], unsigned output) {
+    (void)output;
+    return energy(values[VR_m], values[VR_L], values[VR_g], values[VR_phi], values[VR_w]);
+}
+
+static double partial_derivative_of_a(const Model *model, double drive, double phi, double w, unsigned known) {
+    switch (known) {
+    case VR_phi: return -model->w02 * cos(phi);
+    case VR_w: return -model->damping_rate;
+    case VR_tau: return model_drive(model, 1.0, 1.0);
+    case VR_m: return (model->damping_rate * w - drive) / model->m;
+    case VR_L: return (model->w02 * sin(phi) - 2.0 * drive) / model->L;
+    case VR_gamma: return -w / model->m;
+    case VR_g: return -sin(phi) / model->L;
+    default: return 0.0;
+    }
+}
+
+static double partial_derivative_of_E(double m, double L, double g, double phi, double w, unsigned known) {
+    const double half = sin(phi / 2.0);
+    switch (known) {
+    case VR_phi: return product((const double[]){m, g, L, sin(phi)}, 4);
+    case VR_w: return product((const double[]){m, L, L, w}, 4);
+    case VR_m: return energy(1.0, L, g, phi, w);
+    case VR_L: return product((const double[]){m, L, w, w}, 4) + product((const double[]){2.0, m, g, half, half}, 5);
+    case VR_g: return product((const double[]){2.0, m, L, half, half}, 5);
+    default: return 0.0;
+    }
+}
+
+static double model_partial_derivative(const Model *model, double drive, double phi, double w, unsigned output,
+                                       unsigned known) {
+    if (output == VR_a) return partial_derivative_of_a(model, drive, phi, w, known);
+    return partial_derivative_of_E(model->m, model->L, model->g, phi, w, known);
+}
+
+static double model_curvature(const Model *model, double phi, double w, double a) {
+    (void)a; /* the drag is linear */
+    return model->w02 * sin(phi) * w * w;
+}
+
+/* der(E) = J*w*push, the power of torque and drag. */
+static double model_output_derivative(const Model *model, const Moment *at, unsigned output, int order) {
+    (void)output; /* E */
+    const double m = model->m;
+    const double L = model->L;
+    const double push = at->drive - model->damping_rate * at->v;
+    const double push1 = at->drive1 - model->damping_rate * at->a;
+    if (order == 1) return product((const double[]){m, L, L, at->v, push}, 5);
+    return product((const double[]){m, L, L, at->a * push + at->v * push1}, 4);
 }

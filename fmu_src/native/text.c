@@ -16,7 +16,8 @@ static size_t length_within(const char *text, size_t most) {
     size_t length = strlen(text);
     if (length <= most) return length;
     length = most;
-    for (int i = 0; i < 3 && length > 0 && continues_character(text[length]); i++) length--;
+    for (int i = 0; i < 3 && length > 0 && continues_character(text[length]); i++)
+        length--;
     return length;
 }
 
@@ -68,7 +69,8 @@ static Decimal parsed(const char *text) {
         if (is_digit && decimal.count < MOST_DIGITS) decimal.digits[decimal.count++] = *text;
     }
     decimal.exponent = (int)strtol(text + 1, NULL, 10);
-    while (decimal.count > 1 && decimal.digits[decimal.count - 1] == '0') decimal.count--;
+    while (decimal.count > 1 && decimal.digits[decimal.count - 1] == '0')
+        decimal.count--;
     return decimal;
 }
 
@@ -114,7 +116,8 @@ static Number repr(double value) {
     for (int count = 1; count <= MOST_DIGITS; count++) {
         snprintf(text, sizeof text, "%.*e", count - 1, value);
         if (strtod(text, NULL) == value) break;
-        /* Below a power of two the doubles are closer: the decimal next above may read back where the nearest does not. */
+        /* Below a power of two the doubles are closer: the decimal next above may read back where the nearest does not.
+         */
         char *last = strchr(text, 'e') - 1;
         if (*last == '9' || count == MOST_DIGITS) continue;
         ++*last;

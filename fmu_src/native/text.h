@@ -1,5 +1,5 @@
-/* Texts of bounded size. Numbers in them read as in Python, whatever the locale, the rounding mode and the floating-point
- * traps of the host are. */
+/* Texts of bounded size. Numbers in them read as in Python, whatever the locale, the rounding mode and the
+ * floating-point traps of the host are. */
 #ifndef TEXT_H
 #define TEXT_H
 
@@ -25,7 +25,8 @@ static void clear(Text *text);
 static void append(Text *text, const char *format, ...);
 static void append_list(Text *text, const char *format, va_list arguments);
 
-/* Write `from` into `to` as importers can use it for a format and for variables: `%` is written "percent", `#` is doubled. */
+/* Write `from` into `to` as importers can use it for a format and for variables: `%` is written "percent", `#` is
+ * doubled. */
 static void escape(Text *to, const char *from);
 
 /* The shortest decimal that reads back as `value`, written like Python's repr(). */

@@ -1,0 +1,260 @@
+#include "methods.h"
+
+#include <float.h>
+#include <math.h>
+
+/* Motion */
+
+static inline Motion motion(Model model, Method method, double u, const double derivatives[MAX_INPUT_ORDER]) {
+    Motion p = {.model = model, .method = method};
+    p.drive[0] = model_drive(&p.model, u, 1.0);
+    double factorial = 1.0;
+    for (int k = 1; k <= MAX_INPUT_ORDER; k++) {
+        factorial *= k;
+        if (derivatives[k - 1] == 0.0) continue;
+        p.drive[k] = model_drive(&p.model, derivatives[k - 1], factorial);
+        if (p.drive[k] != 0.0) p.order = k;
+    }
+    return p;
+}
+
+static inline double drive_at(const Motion *p, double t) {
+    double drive = p->drive[p->order];
+    for (int k = p->order; k > 0; k--)
+        drive = drive * t + p->drive[k - 1];
+    return drive;
+}
+
+static inline double acceleration(const Motion *p, double t, double x, double v) {
+    return model_acceleration(&p->model, p->order == 0 ? p->drive[0] : drive_at(p, t), x, v);
+}
+
+/* Methods: each advances x and v by the substep of h that begins at t, and returns its evaluations. They and what they
+ * call are inline, because a call costs as much as the arithmetic of a stage. */
+
+static inline int64_t explicit_euler(const Motion *p, double t, double h, double *x, double *v) {
+    const double a = acceleration(p, t, *x, *v);
+    *x += h * *v;
+    *v += h * a;
+    return 1;
+}
+
+static inline int64_t explicit_midpoint2(const Motion *p, double t, double h, double *x, double *v) {
+    const double half = h / 2;
+    const double a1 = acceleration(p, t, *x, *v);
+    const double v2 = *v + half * a1;
+    const double a2 = acceleration(p, t + half, *x + half * *v, v2);
+    *x += h * v2;
+    *v += h * a2;
+    return 2;
+}
+
+static inline int64_t explicit_runge_kutta4(const Motion *p, double t, double h, double *x, double *v) {
+    const double half = h / 2;
+    const double sixth = h / 6;
+    const double middle = *x + half * *v;
+    const double end = *x + h * *v;
+    const double a1 = acceleration(p, t, *x, *v);
+    const double a2 = acceleration(p, t + half, middle, *v + half * a1);
+    const double a3 = acceleration(p, t + half, middle + half * half * a1, *v + half * a2);
+    const double a4 = acceleration(p, t + h, end + half * h * a2, *v + h * a3);
+    const double a23 = a2 + a3;
+    const double a123 = a1 + a23;
+    *x = end + sixth * h * a123;
+    *v += sixth * (a123 + a23 + a4);
+    return 4;
+}
+
+/* The residual rises with the rate where the solution is a single one, so that its sign says on which side that lies.
+ */
+static inline int64_t newton_stage(const Model *model, double b, double drive, double *x, double *v) {
+    const double x_before = *x;
+    const double v_before = *v;
+    *x = x_before + b * v_before;
+    double low = -INFINITY;
+    double high = INFINITY;
+    double last_move = INFINITY;
+    for (int64_t evaluations = 1;; evaluations++) {
+        const double a = model_acceleration(model, drive, *x, *v);
+        const double a_x = model_partial_derivative(model, drive, *x, *v, MODEL.a, MODEL.x);
+        const double a_v = model_partial_derivative(model, drive, *x, *v, MODEL.a, MODEL.v);
+        const double residual = (*v - v_before) - b * a;
+        const double correction = residual / (1.0 - b * (a_v + b * a_x));
+        if (residual > 0.0) {
+            high = *v;
+        } else {
+            low = *v;
+        }
+        /* Newton's method doubles the digits: after a step this small all are right. */
+        const bool is_last = fabs(correction) <= 1e-9 * (fabs(*v) + fabs(v_before) + fabs(b * a));
+        const bool is_slow = fabs(correction) > 0.5 * last_move || !(low < *v - correction && *v - correction < high);
+        const bool bisects = !is_last && is_slow && isfinite(high - low);
+        const double next = bisects ? 0.5 * (low + high) : *v - correction;
+        last_move = fabs(next - *v);
+        *v = next;
+        *x = x_before + b * next;
+        if (is_last || !isfinite(*x) || next == low || next == high) return evaluations;
+    }
+}
+
+static inline int64_t implicit_euler(const Motion *p, double t, double h, double *x, double *v) {
+    return model_implicit_stage(&p->model, h, drive_at(p, t + h), x, v);
+}
+
+static inline int64_t substeps_of(int64_t (*step)(const Motion *, double, double, double *, double *),
+                                  const Motion *given, double *x, double *v, double h, int64_t first, int64_t n) {
+    const Motion p = *given; /* a copy that no call can change */
+    double x_then = *x;
+    double v_then = *v;
+    int64_t nfev = 0;
+    for (int64_t i = first; i < first + n && isfinite(x_then) && isfinite(v_then); i++)
+        nfev += step(&p, (double)i * h, h, &x_then, &v_then);
+    *x = x_then;
+    *v = v_then;
+    return nfev;
+}
+
+/* Integrate over the substeps first, ..., first + n - 1 of h [s] while the state is finite; return the evaluations.
+ * A loop for each method: a choice in the loop would cost a tenth. */
+static int64_t integrate(const Motion *p, double *x, double *v, double h, int64_t first, int64_t n) {
+    switch (p->method) {
+    case ExplicitEuler: return substeps_of(explicit_euler, p, x, v, h, first, n);
+    case ExplicitMidPoint2: return substeps_of(explicit_midpoint2, p, x, v, h, first, n);
+    case ExplicitRungeKutta4: return substeps_of(explicit_runge_kutta4, p, x, v, h, first, n);
+    default: return substeps_of(implicit_euler, p, x, v, h, first, n);
+    }
+}
+
+/* Limits */
+
+/* Where w02 < 0 the model runs away from where it rests: the limit is that of swings as fast as this. */
+static double stability_limit(const Motion *p) {
+    const double k = -model_partial_derivative(&p->model, 0.0, MODEL.rest, 0.0, MODEL.a, MODEL.v);
+    const double w02 = -model_partial_derivative(&p->model, 0.0, MODEL.rest, 0.0, MODEL.a, MODEL.x);
+    const double w0 = sqrt(fabs(w02));
+    if (p->method == ImplicitEuler || (k == 0.0 && w0 == 0.0)) return INFINITY;
+    if (k >= 2.0 * w0) {
+        const double ratio = w0 / k;
+        return METHODS[p->method].real_limit / (k * (0.5 + sqrt(0.25 - ratio * ratio)));
+    }
+    /* (|R(h*lambda)|^2 - 1)/h in rising powers of h, R the stability function, in units of w0 */
+    const double z = k / w0;
+    const double z2 = z * z;
+    const double z3 = z2 * z;
+    const double z4 = z2 * z2;
+    const double growth[][8] = {
+        [ExplicitEuler] = {-z, 1.0},
+        [ExplicitMidPoint2] = {-z, z2 / 2, -z / 2, 0.25},
+        [ExplicitRungeKutta4] = {-z, z2 / 2, -z3 / 6, z4 / 24, (z - z3) / 24, z2 / 48 - 1.0 / 72, -z / 144, 1.0 / 576},
+    };
+    const double *leading = growth[p->method];
+    while (*leading == 0.0)
+        leading++;
+    if (*leading > 0.0) return 0.0;
+    double stable = 0.0;
+    double unstable = 4.0; /* |R| > 1 for every method and damping at |h*lambda| = 4 */
+    for (;;) {
+        const double middle = 0.5 * (stable + unstable);
+        if (!(stable < middle && middle < unstable)) return stable / w0;
+        double value = 0.0;
+        for (int i = 7; i >= 0; i--)
+            value = value * middle + growth[p->method][i];
+        if (value <= 0.0) {
+            stable = middle;
+        } else {
+            unstable = middle;
+        }
+    }
+}
+
+static double longest_substep(const Motion *p, double step_size) {
+    return p->method == ImplicitEuler ? fmin(step_size, model_longest_implicit_stage(&p->model)) : step_size;
+}
+
+/* Add what to do about substeps of h [s] that went wrong or will. */
+static void append_advice(Text *text, const Motion *p, double h) {
+    const char *name = METHODS[p->method].name;
+    const char *implicit = METHODS[ImplicitEuler].name;
+    const double limit = stability_limit(p);
+    const double stable = 0.9999 * limit; /* stays below the limit when it is rounded to five digits */
+    if (limit == 0.0) {
+        append(text, "%s has no stable step size for this %s (stability limit 0 s): ", name, MODEL.system);
+        append(text, "use %s or %s", METHODS[ExplicitRungeKutta4].name, implicit);
+    } else if (h <= limit) {
+        append(text, "%s s is within the stability limit of %s for this %s ", repr(h).text, name, MODEL.system);
+        append(text, "(%s s): check the %s and the start values", rounded(limit, 6).text, MODEL.cause);
+    } else {
+        append(text, "the stability limit of %s for this %s is %s s: ", name, MODEL.system, rounded(limit, 6).text);
+        append(text, "use solver.stepSize = %s s or less, or %s", rounded(stable, 5).text, implicit);
+    }
+}
+
+static bool is_unstable(const Motion *p, double h, Text *text) {
+    if (h <= stability_limit(p)) return false;
+    clear(text);
+    append(text, "solver.stepSize = %s s is unstable: ", repr(h).text);
+    append_advice(text, p, h);
+    return true;
+}
+
+/* Steps */
+
+/* Rounding noise [s] in a communication step of `duration` [s] from `time` [s]: importers form it as a difference. */
+static double clock_noise(double time, double duration) {
+    return 4.0 * DBL_EPSILON * (fabs(time) + duration);
+}
+
+/* Number of equal substeps, none longer than max_step [s] but for that noise; a whole number up to MAX_SUBSTEPS. */
+static double substeps(double time, double duration, double max_step) {
+    const double n = (duration - clock_noise(time, duration)) / max_step;
+    if (n > MAX_SUBSTEPS) return n;
+    return n > 1.0 ? ceil(n) : 1.0;
+}
+
+/* Write why there are no substeps for a step, and return whether that is so. */
+static bool has_no_substeps(double time, double duration, double max_step, double n, Text *text) {
+    const double noise = clock_noise(time, duration);
+    if (n <= MAX_SUBSTEPS && noise <= max_step) return false;
+    clear(text);
+    if (n > MAX_SUBSTEPS) {
+        append(text, "no step from t = %s s: a communication step of %s s ", repr(time).text, repr(duration).text);
+        append(text, "would need %s substeps of %s s, at most %d are allowed", rounded(n, 3).text, repr(max_step).text,
+               MAX_SUBSTEPS);
+    } else {
+        append(text, "no step from t = %s s over %s s: ", repr(time).text, repr(duration).text);
+        append(text, "its times are rounded to %s s, which is more than the longest substep (%s s)", repr(noise).text,
+               repr(max_step).text);
+    }
+    return true;
+}
+
+/* Write that, and where, the substeps of h [s] from `time` left the range of a double: take them one by one. */
+static void report_divergence(const Motion *p, double x, double v, double time, double h, Text *text) {
+    int64_t count = 0;
+    while (isfinite(x) && isfinite(v)) {
+        integrate(p, &x, &v, h, count, 1);
+        count++;
+    }
+    clear(text);
+    append(text, "diverged at t = %s s: substep %lld of ", repr(time + (double)count * h).text, (long long)count);
+    append(text, "%s s with %s left the range of a double; ", repr(h).text, METHODS[p->method].name);
+    append_advice(text, p, h);
+}
+
+static bool advance(const Motion *p, double time, double duration, double max_step, double *x, double *v, int64_t *nfev,
+                    Text *text) {
+    const double n = substeps(time, duration, max_step);
+    if (has_no_substeps(time, duration, max_step, n, text)) return false;
+    const double h = duration / n;
+    double x_then = *x;
+    double v_then = *v;
+    const int64_t evaluations = integrate(p, &x_then, &v_then, h, 0, (int64_t)n);
+    if (!(isfinite(x_then) && isfinite(v_then))) {
+        report_divergence(p, *x, *v, time, h, text);
+        return false;
+    }
+    *x = x_then + 0.0; /* -0.0 becomes 0.0 */
+    *v = v_then + 0.0;
+    *nfev += evaluations;
+    return true;
+}
