@@ -12,16 +12,14 @@ import hashlib
 import html
 import re
 import shutil
-import struct
 import sys
 import tempfile
 import uuid
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from math import hypot, inf
+from math import inf
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree
@@ -45,6 +43,8 @@ MODEL_PACKAGE = SLAVE.model.__module__.partition(".")[0]
 DEFAULT_OUTPUT = ROOT / "dist" / f"{INTERFACE.model_name}.fmu"
 NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
+DOCUMENTATION = SOURCES / "documentation"
+ICON = DOCUMENTATION / "model.png"
 PURPOSE = "Build dist/DampedPendulum.fmu, or dist/DampedPendulumNative.fmu: the same sources, the same bytes."
 SCRIPT = """\
 from {package}.fmi.wrapper import keep_alive
@@ -80,7 +80,7 @@ def build(output: Path = DEFAULT_OUTPUT, sources: Path = SOURCES) -> Path:
                 canGetAndSetFMUstate=True,
                 canSerializeFMUstate=True,
             )
-        entries = read_entries(packed) | {"model.png": icon()}
+        entries = read_entries(packed) | {"model.png": ICON.read_bytes()}
     derive_guid(entries)
     return write_fmu(output, entries)
 
@@ -100,7 +100,9 @@ def build_native(
         write_documentation(folder / "documentation", "native")
         files = [path for path in folder.rglob("*") if path.is_file()]
         entries = {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
-    entries |= {"model.png": icon(), DESCRIPTION: native_description()} | in_sources(native.sources(guid=""))
+    entries |= {"model.png": ICON.read_bytes(), DESCRIPTION: native_description()} | in_sources(
+        native.sources(guid="")
+    )
     guid = derive_guid(entries)
     entries |= in_sources(native.sources(guid)) | binaries(guid)
     return write_fmu(output, entries)
@@ -286,10 +288,10 @@ def write_documentation(folder: Path, carrier: str) -> None:
     licenses = folder / "licenses"
     licenses.mkdir(parents=True)
     shutil.copyfile(ROOT / "LICENSE", licenses / "license.txt")
-    source = SOURCES / "documentation"
-    shutil.copyfile(source / carrier / "third_party.txt", licenses / "third_party.txt")
-    shutil.copyfile(source / carrier / "externalDependencies.txt", folder / "externalDependencies.txt")
-    page = (source / "index.html").read_text("utf-8")
+
+    shutil.copyfile(DOCUMENTATION / carrier / "third_party.txt", licenses / "third_party.txt")
+    shutil.copyfile(DOCUMENTATION / carrier / "externalDependencies.txt", folder / "externalDependencies.txt")
+    page = (DOCUMENTATION / "index.html").read_text("utf-8")
     page = re.sub(
         r"<!-- only (\w+) -->\n(.*?)<!-- end -->\n",
         lambda part: part[2] if part[1] == carrier else "",
@@ -303,37 +305,6 @@ def write_documentation(folder: Path, carrier: str) -> None:
     ):
         page = page.replace(f"<!-- {mark} -->", content)
     (folder / "index.html").write_text(page, "utf-8", newline="\n")
-
-
-def icon(size: int = 96) -> bytes:
-    """Return the icon, a pendulum with its arc of motion, as a PNG file."""
-    pivot, bob, length = (0.36, 0.12), (0.62, 0.74), hypot(0.26, 0.62)
-
-    def ink(x: float, y: float) -> float:
-        along = ((x - pivot[0]) * (bob[0] - pivot[0]) + (y - pivot[1]) * (bob[1] - pivot[1])) / length**2
-        along = min(1.0, max(0.0, along))
-        rod = hypot(x - pivot[0] - along * (bob[0] - pivot[0]), y - pivot[1] - along * (bob[1] - pivot[1]))
-        radius = hypot(x - pivot[0], y - pivot[1])
-        arc = abs(radius - length) if y > 0.6 else 1.0
-        ceiling = abs(y - pivot[1]) if abs(x - pivot[0]) < 0.18 else 1.0
-        edge = min(rod - 0.015, hypot(x - bob[0], y - bob[1]) - 0.13, ceiling - 0.02, arc - 0.006)
-        return min(1.0, max(0.0, 0.5 - edge * size))
-
-    rows = b"".join(
-        b"\0" + bytes(int(255 * (1.0 - ink((i + 0.5) / size, (j + 0.5) / size))) for i in range(size))
-        for j in range(size)
-    )
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    header = struct.pack(">IIBBBBB", size, size, 8, 0, 0, 0, 0)  # 8 bits, grey
-    return (
-        b"\x89PNG\r\n\x1a\n"
-        + chunk(b"IHDR", header)
-        + chunk(b"IDAT", zlib.compress(rows))
-        + chunk(b"IEND", b"")
-    )
 
 
 def _between_marks(table: str, found: re.Match[str]) -> str:

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum
 from itertools import repeat
-from math import ceil, inf, sqrt
+from math import ceil, inf, isfinite, sqrt
 from sys import float_info
 from typing import NamedTuple, Protocol
 
@@ -127,6 +127,47 @@ def implicit_euler(motion: Motion, phi: float, w: float, h: float, n: int) -> tu
         phi, w, evaluations = stage(phi, w)
         nfev += evaluations
     return phi, w, nfev
+
+
+def newton_stage(
+    acceleration: Acceleration,
+    partial_derivatives: Callable[[float, float], tuple[float, float]],
+    b: float,
+    phi: float,
+    w: float,
+) -> tuple[float, float, int]:
+    """Solve v = w + b*a(x, v), x = phi + b*v by Newton's method, for models that know no better way.
+
+    `partial_derivatives` returns those of a with respect to x and v. Where the solution is a single one the residual
+    rises with v, so its sign says on which side the solution lies, and bisection helps where Newton's method is slow.
+
+    Returns
+    -------
+    x, v : the solution, not finite where it cannot be found
+    evaluations : how often a was evaluated
+    """
+    v, x = w, phi + b * w
+    low, high, last_move = -inf, inf, inf
+    evaluations = 0
+    while True:
+        a = acceleration(x, v)
+        a_x, a_v = partial_derivatives(x, v)
+        evaluations += 1
+        residual = (v - w) - b * a
+        correction = residual / (1.0 - b * (a_v + b * a_x))
+        if residual > 0.0:
+            high = v
+        else:
+            low = v
+        # Newton's method doubles the digits: after a step this small all are right.
+        is_last = abs(correction) <= 1e-9 * (abs(v) + abs(w) + abs(b * a))
+        is_slow = abs(correction) > 0.5 * last_move or not low < v - correction < high
+        bisects = not is_last and is_slow and isfinite(high - low)
+        after = 0.5 * (low + high) if bisects else v - correction
+        last_move = abs(after - v)
+        v, x = after, phi + b * after
+        if is_last or not isfinite(x) or after in (low, high):
+            return x, v, evaluations
 
 
 class SolverMethod(IntEnum):

@@ -29,21 +29,20 @@ FOLDER = Path(__file__).resolve().parent
 INTERFACE = SLAVE.interface
 MODEL_NAME = f"{INTERFACE.model_name}Native"
 SOURCES = ("all.c",)  # which includes the other C files
-MODEL_FILE = "pendulum.c"  # the one file that knows the model, see model.h
-INCLUDED = (
+SHELL = (
     "text.c",
     "text.h",
     "scaling.c",
     "scaling.h",
     "model.h",
-    MODEL_FILE,
     "methods.c",
     "methods.h",
     "simulation.c",
     "simulation.h",
     "fmi2.c",
-    "interface.h",
 )
+# The one file that knows the model, see model.h.
+(MODEL_FILE,) = {path.name for path in FOLDER.glob("*.c")} - {*SOURCES, *SHELL}
 MAX_INPUT_ORDER = 3  # of the derivatives of the input; with these no method loses any of its order, 4 at most
 MAX_OUTPUT_ORDER = 2  # of the derivatives that fmi2GetRealOutputDerivatives knows
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -86,8 +85,8 @@ TARGETS = (
 
 def sources(guid: str) -> dict[str, bytes]:
     """Return the C files by name, the generated one included."""
-    names = [name for name in (*SOURCES, *INCLUDED) if name != "interface.h"]
-    return {name: (FOLDER / name).read_bytes() for name in names} | {"interface.h": header(guid).encode()}
+    files = {name: (FOLDER / name).read_bytes() for name in (*SOURCES, *SHELL, MODEL_FILE)}
+    return files | {"interface.h": header(guid).encode()}
 
 
 def header(guid: str) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from fmi.second_order import Names, SecondOrder
 from hardening_spring.interface import INTERFACE
 from hardening_spring.model import Spring
+
+from fmi.second_order import Names, SecondOrder
 
 
 class HardeningSpring(SecondOrder):
