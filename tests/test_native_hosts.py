@@ -14,7 +14,7 @@ import pytest
 from native import build as native
 from tests.toolchain import COMPILER, COMPILERS, HERE, need, needs_compiler, on_linux, output_of, symbols
 
-CALLS = 12_000_000 if os.environ.get("CI") else 2_000_000  # of a seed of the random calls
+CALLS = 5_000_000 if os.environ.get("CI") else 2_000_000  # of a seed of the random calls
 
 
 def standard_headers(folder: Path) -> Path:
