@@ -4,9 +4,11 @@
  *
  *     der(x) = v,   der(v) = a(drive, x, v),   drive = a multiple of u
  *
- * with the parameters solver.method and solver.stepSize and the output solver.nfev. [x] is the unit of x. Unless it
- * says otherwise, a function is called with allowed parameters and finite arguments, and fails by a result that is not
- * finite. Inline is what is called in every step: a call costs as much as its arithmetic. */
+ * with the parameters solver.method and solver.stepSize and the output solver.nfev. [x] is the unit of x.
+ *
+ * A host may read outputs and derivatives before the parameters are checked, so that what is not about steps is called
+ * with any values. A function fails by a result that is not finite; the host is told what could not be computed, or
+ * that the step diverged. Inline is what is called in every step: a call costs as much as its arithmetic. */
 #ifndef MODEL_H
 #define MODEL_H
 
@@ -29,30 +31,30 @@ typedef struct {
 /* What the parameters make of the equation; the model's file defines `struct Model`. */
 typedef struct Model Model;
 
-/* Whether model_of() can compute with parameters that are not checked yet: none is zero that it divides by. */
+/* Whether a can be computed at all: no parameter is zero that something is divided by. */
 static bool model_exists(const double values[VARIABLE_COUNT]);
 
 /* The model with the parameters among `values`, which are by value reference. */
 static inline Model model_of(const double values[VARIABLE_COUNT]);
 
 /* Add to `problems`, by append_out_of_range(), what the model cannot compute with although each parameter is allowed by
- * itself; what is added refuses the parameters. */
+ * itself, as it is here; initialization is refused if anything is added. */
 static void model_check(const double values[VARIABLE_COUNT], Text *problems);
 
-/* The drive [x/s2] by the input `u` [its unit], over `factor`. */
+/* The drive [x/s2] by the input `u` [its unit], over `factor`: linear in u. */
 static inline double model_drive(const Model *model, double u, double factor);
 
 /* a [x/s2]. */
 static inline double model_acceleration(const Model *model, double drive, double x, double v);
 
 /* Solve V = v + b*a(drive, X, V), X = x + b*V for a stage b [s] of an implicit method, put X and V in the place of x
- * and v, and return how often a was evaluated. Not finite X or V: it diverged. */
+ * and v, and return how often a was evaluated. */
 static inline int64_t model_implicit_stage(const Model *model, double b, double drive, double *x, double *v);
 
 /* The b [s] below which these equations have a single solution; INFINITY: they always have. */
 static double model_longest_implicit_stage(const Model *model);
 
-/* An output [its unit] other than x, v and a, of any finite or other values. */
+/* An output [its unit] other than x, v and a. */
 static double model_output(const double values[VARIABLE_COUNT], unsigned output);
 
 /* The partial derivative [their units] of a or an output of model_output() with respect to x, v, u or a parameter. */

@@ -149,7 +149,7 @@ static double energy(double m, double L, double g, double phi, double w) {
     return ldexp(ldexp(kinetic, kinetic_power - power) + ldexp(potential, potential_power - power), power);
 }
 
-/* E, the energy [J], is the only one. */
+/* The only one is E [J], 0 at rest in the lowest point. */
 static double model_output(const double values[VARIABLE_COUNT], unsigned output) {
     (void)output;
     return energy(values[VR_m], values[VR_L], values[VR_g], values[VR_phi], values[VR_w]);
