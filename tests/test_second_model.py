@@ -7,12 +7,14 @@ import subprocess
 import sys
 from math import cos, exp, sin, sqrt
 from pathlib import Path
+from random import Random
 
 import pytest
 from fmpy.validation import validate_fmu
 from scipy.special import ellipj, ellipk
 
 from tests.driver import OK, WARNING, Fmu, is_error
+from tests.walk import Walk
 
 ROOT = Path(__file__).resolve().parent.parent
 SECOND = Path(__file__).resolve().parent / "second_model"
@@ -129,6 +131,18 @@ def test_both_carriers_give_the_same_bits(
                 values.append(instance.get(*OUTPUTS))
         runs.append(values)
     assert runs[0] == runs[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_a_random_walk_over_all_calls_ends_with_a_host_that_works(fmu: Fmu, seed: int) -> None:
+    walk = Walk(fmu, Random(seed))
+    for _ in range(2000):
+        walk.call()
+    walk.end()
+    assert (
+        0.1 < walk.errors / walk.calls < 0.9
+    )  # neither a walk that is stuck in errors nor one that makes none
 
 
 def test_conduct_is_that_of_the_shell(fmu: Fmu) -> None:

@@ -39,6 +39,13 @@ class Walk:
 
     def __init__(self, fmu: Fmu, random: Random) -> None:
         self.fmu, self.random = fmu, random
+        variables = fmu.description.modelVariables
+        self.x, self.v, *_ = (variable.name for variable in variables if variable.causality == "output")
+        (self.drag,) = (
+            variable.name
+            for variable in variables
+            if variable.declaredType and variable.declaredType.name == "TranslationalDampingConstant"
+        )
         self.instances: list[Instance] = []
         self.states: list[Any] = []
         self.calls = self.errors = 0
@@ -97,8 +104,8 @@ class Walk:
     def legal_start(self) -> int:
         assert self.instance.reset() == OK
         start = {
-            "phi_start": self.random.uniform(-4.0, 4.0),
-            "gamma": 10.0 ** self.random.uniform(-3, 9),
+            f"{self.x}_start": self.random.uniform(-4.0, 4.0),
+            self.drag: 10.0 ** self.random.uniform(-3, 9),
             "solver.method": self.random.randint(1, 4),
         }
         return self.instance.initialize(start)
@@ -107,7 +114,7 @@ class Walk:
         """Three steps; on OK the outputs are finite."""
         status = max(self.instance.step(0.01 * k, 0.01) for k in range(3))
         if not is_error(status):
-            assert all(map(isfinite, self.instance.get("phi", "w")))
+            assert all(map(isfinite, self.instance.get(self.x, self.v)))
         return status
 
     def number(self) -> float:
