@@ -189,7 +189,6 @@ COARSE = {
     "-1e14 s": (-1e14, 1.0, 1e-3, 4 * EPS * (1e14 + 1.0)),
     "1e20 s": (1e20, 1e3, 1e-3, 4 * EPS * 1e20),
     "-1.5e308 s": (-1.5e308, 1.0, 1e-3, 4 * EPS * 1.5e308),
-    "a step as long as the time": (-1.5e308, 1.5e308, 1e-3, inf),
     "a step shorter than the rounding": (1e6, 1e-12, 1e-12, 4 * EPS * (1e6 + 1e-12)),
 }
 
@@ -237,9 +236,30 @@ def test_a_millisecond_at_a_trillion_seconds_is_taken(fmu: Fmu, time: float) -> 
         assert instance.get("solver.nfev") == (4 * 1000,)
 
 
-def test_of_too_many_substeps_and_a_coarse_clock_the_first_is_told(fmu: Fmu) -> None:
+@pytest.mark.parametrize(
+    ("time", "duration", "max_step", "expected"),
+    [
+        (1e12, 1.8e-3, 1e-3, 2),
+        (1e12, 1.0, 1e-3, 1000),
+        (1e9, 1.8e-6, 1e-6, 2),
+        (3e14, 0.58, 1.0, 1),
+        (1e9, 2.5, 1.0, 3),
+    ],
+)
+def test_near_the_rounding_of_the_clock_a_substep_is_too_long_by_a_tenth_at_most(
+    fmu: Fmu, time: float, duration: float, max_step: float, expected: int
+) -> None:
+    with fmu.running({"solver.stepSize": max_step}, time=time) as instance:
+        assert instance.step(time, duration) == OK, instance.errors
+        assert instance.get("solver.nfev") == (4 * expected,)
+
+
+@pytest.mark.parametrize(("time", "duration"), [(1e15, 1e15), (-1.5e308, 1.5e308)])
+def test_of_too_many_substeps_and_a_coarse_clock_the_first_is_told(
+    fmu: Fmu, time: float, duration: float
+) -> None:
     with fmu.running() as instance:
-        assert is_error(instance.step(1e15, 1e15))
+        assert is_error(instance.step(time, duration))
         assert "at most 2147483647 are allowed" in instance.errors[0]
         assert "rounded" not in instance.errors[0]
 

@@ -70,8 +70,17 @@ closed = StringIO()
 closed.close()
 
 
+class Deleted(StringIO):
+    """As of a graphical host whose window is gone."""
+
+    def write(self, text: str) -> int:
+        raise RuntimeError("the object behind this one has been deleted")
+
+
 @pytest.mark.pythonfmu_only
-@pytest.mark.parametrize("stderr", [None, closed, ClosedPipe()], ids=["none", "closed", "broken pipe"])
+@pytest.mark.parametrize(
+    "stderr", [None, closed, ClosedPipe(), Deleted()], ids=["none", "closed", "broken pipe", "deleted"]
+)
 def test_a_stderr_that_cannot_be_written_does_not_hide_the_reason(
     stderr: StringIO | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:

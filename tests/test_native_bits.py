@@ -174,6 +174,8 @@ def test_numbers_keep_their_digits_where_products_of_parameters_leave_the_range(
     # der(E) = tau*w, der(J*w^2/2)/der(w) = J*w
     assert instance.output_derivative("E", 1) == pytest.approx(1e-30, rel=1e-15, abs=0)
     assert instance.partial("E", "w") == pytest.approx(1e-40, rel=1e-15, abs=0)
+    instance.start({"L": 1e-100, "g": 0.0, "gamma": 0.0, "tau": 1.0})
+    assert instance.output_derivative("E", 2) == pytest.approx(1e200, rel=1e-15, abs=0)  # J*a^2, a = 1e200
 
 
 def test_the_default_experiment_gives_the_bits_of_the_fmu_with_python(

@@ -74,6 +74,15 @@ def refused_partial(instance: Instance, unknown: str, known: str) -> str:
     return instance.unwritten(1, *instance.directional([unknown], [known], [1.0]))
 
 
+def test_directional_derivatives_may_take_the_place_of_the_direction(instance: Instance) -> None:
+    instance.start({"gamma": 0.5, "phi_start": 0.9, "w_start": -1.2})
+    expected = instance.directional_derivative(["a", "phi"], ["phi", "w"], [1.0, 2.0])
+    values = reals([1.0, 2.0])
+    knowns, unknowns = instance.references("phi", "w"), instance.references("a", "phi")
+    assert instance.call("fmi2GetDirectionalDerivative", unknowns, 2, knowns, 2, values, values) == OK
+    assert list(values) == expected
+
+
 def test_directional_derivatives_are_those_of_the_outputs(instance: Instance) -> None:
     """Central differences with d = 1e-5 have an error of d^2 times a derivative and of 1e-16/d: below 1e-8."""
     d = 1e-5

@@ -15,7 +15,7 @@ from functools import partial
 from itertools import repeat
 from math import inf, isfinite, isnan
 from sys import float_info
-from typing import Any, ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn, Self
 from xml.etree.ElementTree import Element
 
 from pythonfmu import Boolean, DefaultExperiment, Fmi2Slave, Integer, Real, String
@@ -157,8 +157,8 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             self.fail(
                 f"startTime = {start_time!r} s must be finite and not beyond stopTime = {stop_time!r} s"
             )
-        self._start_time = float(start_time)
-        self._stop_time = inf if stop_time is None else float(stop_time)
+        stop = inf if stop_time is None else float(stop_time)
+        self._start_time, self._stop_time = float(start_time), stop
 
     def enter_initialization_mode(self) -> None:
         """Enter initialization; the parameters may still be set."""
@@ -171,10 +171,10 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         problems = self._problems(self.values)
         if problems:
             self.fail("cannot initialize: " + "; ".join(problems))
-        self._mode = "stepping"
         warning = self.start()
         if warning is not None:
             self.log(_for_log(warning), Fmi2Status.warning, "logStatusWarning")
+        self._mode = "stepping"  # last, because an interrupt may come before
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Advance the model from `current_time` over `step_size` [s] with its inputs held.
@@ -252,13 +252,14 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         reason = self._why_refused(state)
         if reason is not None:
             self.fail(f"cannot restore the state: {reason}")
-        self._inputs_changed = True
-        self.values = list(state["values"])
-        self.begin()
-        self.restore(state)
-        self._mode, self._start_time, self._stop_time = state["mode"], state["start_time"], state["stop_time"]
-        if self._mode == "stepping":
-            self.start()
+        restored = self._begun(list(state["values"]))
+        restored.restore(state)
+        restored._inputs_changed = True
+        restored._mode = state["mode"]
+        restored._start_time, restored._stop_time = state["start_time"], state["stop_time"]
+        if restored._mode == "stepping":
+            restored.start()
+        self._take(restored)
 
     @staticmethod
     def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
@@ -312,10 +313,8 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
 
     def _differences_from_start(self, state: dict[str, Any]) -> list[str]:
         """Return the entries of a state before the first step that are not those of its start values."""
-        fresh = object.__new__(type(self))
-        fresh.values = list(state["values"])
-        fresh.begin()
-        return [name for name, entry in fresh.save().items() if repr(entry) != repr(state[name])]
+        begun = self._begun(list(state["values"]))
+        return [name for name, entry in begun.save().items() if repr(entry) != repr(state[name])]
 
     def _can_be_values(self, values: object) -> bool:
         variables = self.interface.variables
@@ -350,9 +349,21 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         for vr, value in zip(vrs, values, strict=True):
             self._inputs_changed |= value != changed[vr]
             changed[vr] = value
-        self.values = changed
         if self._mode in ("instantiated", "initialization"):
-            self.begin()
+            self._take(self._begun(changed))
+        else:
+            self.values = changed
+
+    def _begun(self, values: list[Any]) -> Self:
+        """Return an object with the state that the start values among `values` give."""
+        begun = object.__new__(type(self))
+        begun.values = values
+        begun.begin()
+        return begun
+
+    def _take(self, other: CoSimulation) -> None:
+        """Take over all that `other` has, at once: an interrupt comes before or after, but not between."""
+        self.__dict__.update(other.__dict__)
 
     def _refuse_reference(self, vr: int, kind: type) -> NoReturn:
         variables = self.interface.variables
@@ -405,8 +416,8 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
     def fail(self, message: str) -> NoReturn:
         """Raise `message`, which the wrapper logs, and give it to stderr, because a host may show no log."""
         text = f"{self.instance_name}: {message}".replace("%", "percent")
-        # A host may have no stderr, a closed one or one that cannot write the instance name.
-        with suppress(AttributeError, OSError, ValueError):
+        # A host may have no stderr, a closed one, one that cannot write the instance name, or one of its own.
+        with suppress(Exception):
             sys.stderr.write(text + "\n")
         raise FmuError(_for_log(text))
 

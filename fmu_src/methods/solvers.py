@@ -269,14 +269,14 @@ def substeps(time: float, duration: float, max_step: float) -> int:
     """Return the number of equal substeps, none longer than `max_step` [s], of a communication step.
 
     The communication step lasts `duration` [s] from `time` [s]. Importers form it as a difference of times,
-    so it carries the rounding noise of those; that noise adds no substep.
+    so it carries the rounding noise of those; that noise, up to a tenth of `max_step`, adds no substep.
 
     Raises
     ------
     OverflowError : more than `MAX_SUBSTEPS` would be needed, or that noise exceeds `max_step`
     """
     noise = 4.0 * float_info.epsilon * (abs(time) + duration)
-    n = (duration - noise) / max_step
+    n = (duration - min(noise, max_step / 10.0)) / max_step
     if n > MAX_SUBSTEPS:
         raise OverflowError(
             f"no step from t = {time!r} s: a communication step of {duration!r} s would need {n:.3g} substeps of "

@@ -476,12 +476,15 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     if (check(self, READ, REAL, unknown, unknowns, dvUnknown, NULL)) return fmi2Error;
     if (check_partial_derivatives(self, unknown, unknowns, known, knowns)) return fmi2Error;
     const Simulation *simulation = &self->state.simulation;
-    for (size_t i = 0; i < unknowns; i++)
-        if (!isfinite(directional_derivative(simulation, unknown[i], known, knowns, dvKnown)))
+    double derivatives[VARIABLE_COUNT];
+    for (size_t i = 0; i < unknowns; i++) {
+        derivatives[unknown[i]] = directional_derivative(simulation, unknown[i], known, knowns, dvKnown);
+        if (!isfinite(derivatives[unknown[i]]))
             return tell(self, fmi2Error, "directional derivative of %s is out of the range of a double",
                         VARIABLES[unknown[i]].name);
+    }
     for (size_t i = 0; i < unknowns; i++)
-        dvUnknown[i] = directional_derivative(simulation, unknown[i], known, knowns, dvKnown);
+        dvUnknown[i] = derivatives[unknown[i]];
     return fmi2OK;
 }
 

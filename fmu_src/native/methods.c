@@ -204,9 +204,10 @@ static double clock_noise(double time, double duration) {
     return 4.0 * DBL_EPSILON * (fabs(time) + duration);
 }
 
-/* Number of equal substeps, none longer than max_step [s] but for that noise; a whole number up to MAX_SUBSTEPS. */
+/* Number of equal substeps, none longer than max_step [s] but for that noise, up to a tenth of max_step; a whole number
+ * up to MAX_SUBSTEPS. */
 static double substeps(double time, double duration, double max_step) {
-    const double n = (duration - clock_noise(time, duration)) / max_step;
+    const double n = (duration - fmin(clock_noise(time, duration), max_step / 10.0)) / max_step;
     if (n > MAX_SUBSTEPS) return n;
     return n > 1.0 ? ceil(n) : 1.0;
 }

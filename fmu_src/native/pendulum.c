@@ -199,5 +199,5 @@ static double model_output_derivative(const Model *model, const Moment *at, unsi
     const double push = at->drive - model->damping_rate * at->v;
     const double push1 = at->drive1 - model->damping_rate * at->a;
     if (order == 1) return product((const double[]){m, L, L, at->v, push}, 5);
-    return product((const double[]){m, L, L, at->a * push + at->v * push1}, 4);
+    return product((const double[]){m, L, L, at->a, push}, 5) + product((const double[]){m, L, L, at->v, push1}, 5);
 }
