@@ -132,6 +132,24 @@ def test_a_state_with_the_right_checksum_is_refused_too(
     assert words in refusal_of_forged(instance, at, patch)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"), [("phi", 9.0), ("w", -0.0), ("w", nan), ("phi_start", 9.0), ("solver.nfev", 4.0)]
+)
+def test_before_the_first_step_a_state_is_that_of_the_start_values(
+    instance: Instance, name: str, value: float
+) -> None:
+    patch = struct.pack("=d", value)
+    assert "no instance can be in it" in refusal_of_forged(instance, 64 + 8 * VR[name], patch)
+
+
+def test_start_values_that_are_wrong_are_saved_and_restored(instance: Instance) -> None:
+    assert instance.set("phi_start", nan) == OK
+    state = instance.save()
+    assert instance.restore(state) == OK
+    assert instance.restore_bytes(instance.serialize(state)) == OK
+    instance.free_state(state)
+
+
 def test_a_state_before_the_first_step_has_no_step_behind_it(instance: Instance) -> None:
     forged = refusal_of_forged(instance, 64 + 8 * len(VARIABLES) + 24, struct.pack("=d", H))
     assert "no instance can be in it" in forged

@@ -355,7 +355,7 @@ static bool is_possible(const State *state, Text *scratch) {
     if (!isfinite(state->time) || !isfinite(state->start_time) || !(state->start_time <= state->stop_time))
         return false;
     const bool before_steps = state->mode == INSTANTIATED || state->mode == INITIALIZATION;
-    if (before_steps && state->simulation.elapsed != 0.0) return false;
+    if (before_steps && !is_at_start(&state->simulation)) return false;
     return can_be(&state->simulation, state->mode == STEPPING, scratch);
 }
 

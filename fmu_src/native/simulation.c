@@ -186,6 +186,14 @@ static bool can_be(const Simulation *simulation, bool stepping, Text *scratch) {
     return isfinite(values[MODEL.x]) && isfinite(values[MODEL.v]) && !has_problems(simulation, scratch);
 }
 
+/* Start values may be NaN, which equals itself in bytes only. */
+static bool is_at_start(const Simulation *simulation) {
+    const double *values = simulation->values;
+    const bool x_is_start = memcmp(&values[MODEL.x], &values[MODEL.x_start], sizeof *values) == 0;
+    const bool v_is_start = memcmp(&values[MODEL.v], &values[MODEL.v_start], sizeof *values) == 0;
+    return x_is_start && v_is_start && values[VR_solver_nfev] == 0.0 && simulation->elapsed == 0.0;
+}
+
 /* Steps */
 
 static bool make_step(Simulation *simulation, double time, double duration, Text *text) {

@@ -53,6 +53,9 @@ static bool has_warnings(const Simulation *simulation, Text *text);
 /* Whether there can be these values, by themselves or as those of an instance that is `stepping`. */
 static bool can_be(const Simulation *simulation, bool stepping, Text *scratch);
 
+/* Whether nothing has happened since the start values were set. */
+static bool is_at_start(const Simulation *simulation);
+
 /* Advance from `time` over `duration` [s]; return false, the reason in `text` and nothing changed, if it cannot be. */
 static bool make_step(Simulation *simulation, double time, double duration, Text *text);
 
