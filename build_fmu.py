@@ -45,7 +45,7 @@ NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
 DOCUMENTATION = SOURCES / "documentation"
 ICON = DOCUMENTATION / "model.png"
-PURPOSE = "Build dist/DampedPendulum.fmu, or dist/DampedPendulumNative.fmu: the same sources, the same bytes."
+PURPOSE = f"Build dist/{DEFAULT_OUTPUT.name}, or dist/{NATIVE_OUTPUT.name}: the same sources, the same bytes."
 SCRIPT = """\
 from {package}.fmi.wrapper import keep_alive
 from {package}.slave import {model}

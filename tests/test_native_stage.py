@@ -1,18 +1,12 @@
 """What the C code gives to models: Newton's method for an implicit stage against the model's own way."""
 
-import shutil
-import subprocess
 from pathlib import Path
 
-import pytest
-
 from native import build as native
-
-HERE = Path(__file__).resolve().parent
-COMPILER = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+from tests.toolchain import COMPILER, HERE, needs_compiler, output_of
 
 
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc, clang)")
+@needs_compiler
 def test_newtons_method_solves_what_the_model_solves_in_its_own_way(tmp_path: Path) -> None:
     for name, content in native.sources("guid").items():
         (tmp_path / name).write_bytes(content)
@@ -27,12 +21,10 @@ def test_newtons_method_solves_what_the_model_solves_in_its_own_way(tmp_path: Pa
         "-o",
         "stage",
     ]
-    subprocess.run(command, cwd=tmp_path, check=True)
+    output_of(command, cwd=tmp_path)
     for seed in (1, 2, 3):
-        done = subprocess.run(
-            [tmp_path / "stage", str(seed), "20000"], capture_output=True, text=True, check=True
-        )
-        difference, evaluations = map(float, done.stdout.split())
+        printed = output_of([tmp_path / "stage", str(seed), "20000"])
+        difference, evaluations = map(float, printed.split())
         # A slope of 1 - |s| >= 0.1 makes ten of each of the four roundings in a residual.
         assert difference <= 40.0
         assert evaluations <= 53  # bisection alone would need one for each bit

@@ -108,9 +108,13 @@ class Pendulum(NamedTuple):
     @property
     def J(self) -> float:
         """Moment of inertia about the pivot [kg.m2]."""
+        return scaled(*self._inertia())
+
+    def _inertia(self) -> tuple[float, int]:
+        """Return J as a mantissa and a power of two, which may lie outside the range of a double."""
         m, m_power = frexp(self.m)
         L, L_power = frexp(self.L)
-        return scaled(m * L * L, m_power + 2 * L_power)
+        return m * L * L, m_power + 2 * L_power
 
     def motion(self, tau: float = 0.0) -> Motion:
         """Return the terms of der(w) under the torque `tau` [N.m]."""
@@ -119,10 +123,9 @@ class Pendulum(NamedTuple):
         if float_info.min <= moment and float_info.min <= J < inf:
             drive = tau / J
         else:
-            m, m_power = frexp(self.m)
-            L, L_power = frexp(self.L)
+            inertia, inertia_power = self._inertia()
             torque, power = frexp(tau)
-            drive = scaled(torque / (m * L * L), power - m_power - 2 * L_power)
+            drive = scaled(torque / inertia, power - inertia_power)
         return Motion(self.gamma / self.m, self.g / self.L, drive + 0.0)  # -0.0 becomes 0.0
 
     def out_of_range(self) -> list[str]:
