@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from damped_pendulum.model import Motion, Pendulum
-from methods.inline import inlined
 from methods.explicit import explicit_runge_kutta4
+from methods.inline import inlined
 from methods.motion import Solver
 from methods.solvers import METHODS, SolverMethod
 

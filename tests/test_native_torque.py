@@ -95,7 +95,9 @@ def test_a_free_mass_shows_at_which_times_a_method_takes_the_torque(
         for t in ((i + place) * h,)
     ]
     size = h * sum(map(abs, torques)) / 2.0
-    assert instance.get("w")[0] == pytest.approx(h * sum(torques) / 2.0, rel=0, abs=1e-15 * len(torques) * size)
+    assert instance.get("w")[0] == pytest.approx(
+        h * sum(torques) / 2.0, rel=0, abs=1e-15 * len(torques) * size
+    )
 
 
 def test_without_input_derivatives_the_torque_is_held(
