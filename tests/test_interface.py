@@ -56,7 +56,7 @@ ENDS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "> 0": ((SMALLEST, LARGEST), (0.0, -0.0, -SMALLEST, inf, nan)),
     ">= 0": ((0.0, -0.0, SMALLEST, LARGEST), (-SMALLEST, inf, nan)),
     "finite": ((-LARGEST, -SMALLEST, 0.0, SMALLEST, LARGEST), (-inf, inf, nan)),
-    "1..4": ((1, 4), (0, 5, -1)),
+    "1..8": ((1, 8), (0, 9, -1)),
 }
 RANGES = {
     "m": "> 0",
@@ -65,7 +65,7 @@ RANGES = {
     "g": "finite",
     "phi_start": "finite",
     "w_start": "finite",
-    "solver.method": "1..4",
+    "solver.method": "1..8",
     "solver.stepSize": "> 0",
     "tau": "finite",
 }
