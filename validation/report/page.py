@@ -14,7 +14,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from ..checks import Check, Note, Plot, Result, Table
+from ..checks import Note, Plot, Result, Table
 from . import figures
 from .cells import CHECK_COLUMNS, cell, check_cells
 from .section import Section, summary
