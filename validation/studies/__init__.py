@@ -24,6 +24,7 @@ NAMES = (
     "grillo",
     "errata",
     "work_precision",
+    "methods",
     "stability",
     "stiff_extreme",
 )
