@@ -20,7 +20,9 @@ from .scene import Case, Scene
 from .stability import measured_radius
 
 TITLE = "Methods"
-FORMULA = "tableaux and the Taylor series of phi, each substep; |R(h*lambda)| <= 1; radius of convergence K(k')/w0"
+FORMULA = (
+    "tableaux and the Taylor series of phi, each substep; |R(h*lambda)| <= 1; radius of convergence K(k')/w0"
+)
 
 EPS = 2.2e-16
 RUNGE_KUTTA = tuple(method for method in SolverMethod if METHODS[method.name].tableau is not None)
@@ -65,7 +67,7 @@ class SubstepScene(Scene):
 
 
 def magnification(method: SolverMethod) -> float:
-    """Return by how much roundings of stages can grow in a substep: sum |A_sj|/A_ss over the last row of its tableau."""
+    """Return by how much roundings of stages can grow in a substep: sum |A_sj|/A_ss over the last row of A."""
     tableau = METHODS[method.name].tableau
     if tableau is None or not METHODS[method.name].stable:
         return 1.0
@@ -158,7 +160,9 @@ def _step_errors(fmu: Fmu, amplitude: float, h: float) -> Iterator[float]:
     for t in np.arange(16) * T / 16:
         phi, w = (float(x) for x in references.libration(np.array(t), amplitude, W02))
         start = {"gamma": 0.0, "phi_start": phi, "w_start": w, "solver.stepSize": h}
-        run = fmu.run(Experiment(h, h, start | {"solver.method": SolverMethod.TaylorSeries}, record=("phi", "w")))
+        run = fmu.run(
+            Experiment(h, h, start | {"solver.method": SolverMethod.TaylorSeries}, record=("phi", "w"))
+        )
         exact = references.libration(np.array([t + h]), amplitude, W02)
         yield state_error(run["phi"][-1:], run["w"][-1:], exact)
 
@@ -184,7 +188,9 @@ class StabilityScene(Scene):
             for share in (0.02, 0.1, 0.3, 0.6, 1.0):
                 h = share * reach / max(W0, k2)
                 expected = linear_radius(known, k2, W02, h)
-                differences.append(abs(measured_radius(fmu, self.method, k2, h) - expected) / max(1.0, expected))
+                differences.append(
+                    abs(measured_radius(fmu, self.method, k2, h) - expected) / max(1.0, expected)
+                )
         yield Check(
             f"spectral radius of a step of {self.method.name}, {len(differences)} steps and damping rates",
             largest(differences),
@@ -201,7 +207,9 @@ def _limits_of_taylor(fmu: Fmu) -> Iterator[Result]:
         ("undamped", 0.0, imaginary / W0, 1e-3),
         ("gamma/m = 1e6/s", 1e6, real / 1e6, 1e-8),
     ):
-        inside, beyond = (measured_radius(fmu, SolverMethod.TaylorSeries, k2, limit * (1 + s * margin)) - 1 for s in (-1, 1))
+        inside, beyond = (
+            measured_radius(fmu, SolverMethod.TaylorSeries, k2, limit * (1 + s * margin)) - 1 for s in (-1, 1)
+        )
         yield Check(
             f"largest stable step of TaylorSeries, {name}",
             float(inside <= 4 * EPS) + float(beyond > 4 * EPS),
@@ -259,7 +267,7 @@ def _regions(_: Fmu) -> Iterator[Result]:
         "Re(h*lambda)",
         "Im(h*lambda)",
         curves,
-        note="The explicit methods are stable inside their curves, the implicit ones outside, and on all of the left side.",
+        note="The explicit methods are stable inside their curves, the implicit ones outside, on all of the left side.",
     )
 
 
@@ -323,8 +331,8 @@ def _gear(fmu: Fmu) -> Iterator[Result]:
 def overdamped(t: float, amplitude: float, k2: float) -> float:
     """Return the angle [rad] at `t` [s] of a fall from rest through strong drag, to a relative (w02/k2^2)^2.
 
-    With e = w02/k2^2 the motion takes the slow path der(phi) = -w02/k2*sin(phi)*(1 + e*cos(phi)) after the time 1/k2, from
-    amplitude + e*sin(amplitude) on.
+    With e = w02/k2^2 the motion takes the slow path der(phi) = -w02/k2*sin(phi)*(1 + e*cos(phi)) after the time 1/k2,
+    from amplitude + e*sin(amplitude) on.
     """
     e = W02 / k2**2
     begin = amplitude + e * np.sin(amplitude)
