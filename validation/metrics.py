@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from math import log2
+from math import log2, sqrt
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .fmu import W0
+
+# Conventions: numbers that no theory gives, the same for all studies.
+SAFETY = 1.5  # times a leading term whose next one is not computed
+SIGMAS = 4.0  # standard deviations that a random walk of roundings is given
+ORDER = 0.1  # deviation of an observed order from that in theory
+ROUNDING = 2.0**-53 / sqrt(3)  # standard deviation of a relative rounding; the largest is 2^-53
 
 Array = NDArray[np.float64]
 Quantity = TypeVar("Quantity", float, Array)
