@@ -60,6 +60,13 @@ class Check:
         return f"{self.name}: {self.measured:.3g} {relation} {self.bound:.3g}{unit} {verdict} ({self.reason})"
 
 
+def formula(
+    name: str, measured: float, bound: float, reason: str, unit: str = "", at_least: bool = False
+) -> Check:
+    """Return a row about the documents and formulas."""
+    return Check(name, measured, bound, reason, unit, at_least, About.FORMULAS)
+
+
 @dataclass(frozen=True)
 class Table:
     """A table of the report: headers with units, and cells that are shown as they are, numbers with six digits."""

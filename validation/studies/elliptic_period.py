@@ -10,7 +10,7 @@ from math import cos, nan, pi, radians, sin, sqrt, ulp
 import numpy as np
 
 from .. import references
-from ..checks import About, Check, Curve, Plot, Result, Table
+from ..checks import Check, Curve, Plot, Result, Table, formula
 from ..fmu import W02, Experiment, Fmu, G, SolverMethod, degrees
 from ..metrics import (
     ORDER,
@@ -200,12 +200,11 @@ class OrderScene(Scene):
             f"{2 * self.substeps} substeps",
             "rad",
         )
-        yield Check(
+        yield formula(
             f"{self.name}: order",
             abs(observed_order(*expected) - order),
             ORDER,
             f"observed {observed_order(*expected):.3f} in the discrete motion, theory {order}; {ORDER} by convention",
-            about=About.FORMULAS,
         )
 
 
@@ -223,21 +222,19 @@ class FormulaScene(Scene):
             for g in GRAVITIES
             for amplitude in amplitudes
         ]
-        yield Check(
+        yield formula(
             "AGM(1, k') against ellipkm1(k'^2)",
             largest(relative),
             4e-16,
             "both are correct to 1.7e-16, and their quotient rounds",
-            about=About.FORMULAS,
         )
         near = radians(179.9999)
-        yield Check(
+        yield formula(
             "ellipk(sin^2) is wrong near 180 deg",
             abs(references.period_by_ellipk(near, W02) / references.period(near, W02) - 1),
             1e-6,
             "rounding sin^2 by 1e-16 changes 1 - sin^2 = 7.6e-13 by 1.5e-4, and K by 1e-4/(2*K)",
             at_least=True,
-            about=About.FORMULAS,
         )
         yield Table(
             "Exact periods",
