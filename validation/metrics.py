@@ -21,6 +21,19 @@ Array = NDArray[np.float64]
 Quantity = TypeVar("Quantity", float, Array)
 
 
+def walk(steps: float) -> float:
+    """Return what that many relative roundings add up to, at random."""
+    return SIGMAS * ROUNDING * sqrt(steps)
+
+
+def free_rounding(time: float, substep: float, w0: float = W0) -> float:
+    """Return the round-off of a free motion relative to its size: of the state, and of the phase w0*time itself.
+
+    The substep rounds the same way each time, and so does the argument of the exact sine.
+    """
+    return walk(time / substep) + 2.0**-52 * w0 * time
+
+
 def state_error(phi: Array, w: Array, exact: tuple[Array, Array], w0: float = W0) -> float:
     """Return the largest distance [rad] between states (phi, w/w0)."""
     return float(np.max(np.hypot(phi - exact[0], (w - exact[1]) / w0)))

@@ -458,7 +458,7 @@ def _figure_rounding(scene: FigureScene, t: Array) -> float:
     walk = SIGMAS * ROUNDING * top * sqrt(len(t)) * (1 + runaway)
     # The matrix of (28) rounds once, and that adds up.
     same = EPS / 2 * len(t) * top if scene.method is None else 0.0
-    return 2 * walk + same + 2 * EPS * float(t[-1]) * fastest
+    return float(2 * walk + same + 2 * EPS * t[-1] * fastest)
 
 
 def _picture(
