@@ -16,7 +16,12 @@ from tests.plants import Plant
 
 LIMITED = [method for method in SolverMethod if METHODS[method].real_limit < inf]
 UNLIMITED = [method for method in SolverMethod if method not in LIMITED]
-REAL_LIMIT = {1: 2.0, 2: 2.0, 3: 2.785293563405282, 8: 7.324333562787595}  # |R(-x)| = 1; Hairer & Wanner II, section IV.2
+REAL_LIMIT = {
+    1: 2.0,
+    2: 2.0,
+    3: 2.785293563405282,
+    8: 7.324333562787595,
+}  # |R(-x)| = 1; Hairer & Wanner II, section IV.2
 Start = Callable[[Plant], dict[str, float]]  # start values of a model
 
 STIFF: dict[str, Start] = {

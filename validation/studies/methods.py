@@ -56,7 +56,7 @@ class SubstepScene(Scene):
             "solver.stepSize": h,
         }
         run = fmu.run(Experiment(n * h, h, start, lambda _: torque, record=("phi", "w")))
-        exact = discrete.motion(self.method.name, run.t, phi0, rate0, k2, W02, h, torque)
+        exact = discrete.motion(self.method.name, list(run.t), phi0, rate0, k2, W02, h, torque)
         yield Check(
             f"{n} substeps of {self.method.name} with drag and torque, h*w0 = {h * W0:.2g}",
             state_error(run["phi"], run["w"], exact),
