@@ -11,7 +11,7 @@ import numpy as np
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table
 from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
-from ..metrics import largest, state_error, upward_crossings
+from ..metrics import largest, state_error, upward_crossing
 from ..references import taylor
 from ..references.methods import METHODS
 from .scene import Case
@@ -67,7 +67,7 @@ def _near_upright(fmu: Fmu) -> Iterator[Result]:
         exact = references.period(amplitude, W02)
         start = undamped(phi_start=amplitude)
         measured = [
-            upward_crossings(r.t, r["phi"], r["w"], r["a"])[0]
+            upward_crossing(r.columns, r.t)
             for r in (
                 fmu.run(
                     Experiment(0.8 * exact, 0.008, start | {"solver.stepSize": h}, record=("phi", "w", "a"))
@@ -183,7 +183,7 @@ def _lengths(fmu: Fmu) -> Iterator[Result]:
         h = T0 / 2000
         start = undamped(L=L, phi_start=1e-6) | {"solver.stepSize": h}
         run = fmu.run(Experiment(1.5 * T0, T0 / 250, start, record=("phi", "w", "a")))
-        crossing = upward_crossings(run.t, run["phi"], run["w"], run["a"])[0]
+        crossing = upward_crossing(run.columns, run.t)
         yield Check(
             f"period at L = {L:g} m",
             relative(crossing, 0.75 * T0),
@@ -347,8 +347,9 @@ def _long_horizon(fmu: Fmu) -> Iterator[Result]:
         swing = fmu.run(
             Experiment(0, 0, start, record=("phi", "w", "a"), points=[0.0, *np.arange(0, 4 * T, 0.05) + stop])
         )
-        crossing = upward_crossings(swing.t[1:], *(swing[name][1:] for name in ("phi", "w", "a")))[-1]
-        measured = (round(crossing / T - 0.75) + 0.75) - crossing / T
+        after = {name: column[1:] for name, column in swing.columns.items()}
+        crossing = upward_crossing(after, swing.t[1:], -1)
+        measured = float(np.round(crossing / T - 0.75)) + 0.75 - crossing / T
         # dT/dE*dE/dt, integrated twice: a smaller swing is faster. The lag is the period's own h^4 error.
         dT = references.period_slope(amplitude, W02) * loss * E0 / (W02 * sin(amplitude))
         lead, lag = dT / T * crossing**2 / (2 * T), 0.007455 * z**4 * crossing / T
