@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, log, pi, sin, sqrt
+from math import exp, log, nan, pi, sin, sqrt
 
 import numpy as np
 from scipy import signal
@@ -28,7 +28,8 @@ def _energy_time(fmu: Fmu) -> float:
     """
     stop = 48 * 4 * pi / sqrt(NABLA)
     E = fmu.run(Experiment(stop, stop, {"phi_start": SMALL}, record=("E",)))["E"]
-    return -stop / log(float(E[-1] / E[0]))
+    loss = -log(float(E[-1] / E[0]))
+    return stop / loss if loss else nan
 
 
 def _decibels(coefficients: Sequence[complex], w: float) -> float:
