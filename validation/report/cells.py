@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-from ..checks import Check
+from ..checks import About, Check
 
-CHECK_COLUMNS = ("check", "measured", "relation", "bound", "unit", "margin", "verdict", "reason of the bound")
+CHECK_COLUMNS = (
+    "check",
+    "about",
+    "measured",
+    "relation",
+    "bound",
+    "unit",
+    "margin",
+    "verdict",
+    "reason of the bound",
+)
 
 
 def number(value: float) -> str:
@@ -21,6 +31,7 @@ def check_cells(check: Check) -> tuple[str, ...]:
     """Return a check as the cells of `CHECK_COLUMNS`."""
     return (
         check.name,
+        "FMU" if check.about is About.FMU else "formulas",
         number(check.measured),
         ">=" if check.at_least else "<=",
         number(check.bound),

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ..checks import Check, Note, Plot, Result, Table
+from ..checks import About, Check, Note, Plot, Result, Table
 
 Kind = TypeVar("Kind", Check, Table, Plot, Note)
 
@@ -31,7 +31,11 @@ class Section:
 
 
 def summary(sections: Iterable[Section]) -> str:
-    """Return how many checks hold."""
+    """Return how many rows hold, those about the FMU and those about formulas apart."""
     checks = [check for section in sections for check in section.checks]
-    holding = sum(check.holds for check in checks)
-    return f"{holding} of {len(checks)} checks hold"
+    counts = []
+    for about in About:
+        rows = [check for check in checks if check.about is about]
+        if rows:
+            counts.append(f"{sum(row.holds for row in rows)} of {len(rows)} rows about {about.value} hold")
+    return "; ".join(counts)
