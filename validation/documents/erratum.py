@@ -59,13 +59,13 @@ class Erratum:
 
 @dataclass(frozen=True)
 class Document(Scene):
-    """The errata of a document, and a picture of what they do, if there is one."""
+    """The errata of a document, and pictures of what they do."""
 
     TITLE = "{0.title}"
 
     title: str
     errata: Sequence[Erratum]
-    picture: Callable[[], Plot] | None = None
+    pictures: Sequence[Callable[[], Plot]] = ()
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield the rows of a document and the table of its errata."""
@@ -81,8 +81,8 @@ class Document(Scene):
             )
             rows.append((erratum.where, erratum.printed, erratum.right, shown))
         yield Table(self.name, ("where", "printed", "right", "what shows it, computed for this report"), rows)
-        if self.picture is not None:
-            yield self.picture()
+        for picture in self.pictures:
+            yield picture()
 
 
 def _digits(number: Number) -> int:

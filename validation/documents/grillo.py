@@ -140,6 +140,25 @@ def _time_of_printed_peak(_: Fmu) -> float:
     return float(t[np.argmax(printed_pulse(t))])
 
 
+def _bode_plot() -> Plot:
+    w = np.geomspace(0.1, 30, 400)
+    systems = (("as printed, [-1, 1j*K2, W02]", PRINTED_SYSTEM, "--"), ("right, [1, K2, W02]", SYSTEM, "-"))
+    responses = [
+        (label, signal.bode(signal.TransferFunction([1], system), w=w), line)
+        for label, system, line in systems
+    ]
+    return Plot(
+        "Bode plot of the document: printed and right",
+        "w [rad/s]",
+        "|h(w)| [dB re 1 s2]",
+        [Curve(label, w, response[1], line) for label, response, line in responses],
+        "x",
+        note="The polynomials of SciPy are in s = i*w: the printed system has neither resonance nor phase.",
+        below=[Curve(label, w, response[2], line) for label, response, line in responses],
+        below_label="phase [deg]",
+    )
+
+
 def _gaussian_plot() -> Plot:
     t = np.linspace(-6, 8, 421)
     return Plot(
@@ -369,5 +388,5 @@ GRILLO = Document(
             "a form that looks complex can equal the real one",
         ),
     ),
-    _gaussian_plot,
+    (_bode_plot, _gaussian_plot),
 )

@@ -27,6 +27,15 @@ def cell(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
+def is_number(value: object) -> bool:
+    """Return whether a cell is a number, which must not break at the minus of its exponent."""
+    try:
+        float(str(value))
+    except ValueError:
+        return False
+    return True
+
+
 def check_cells(check: Check) -> tuple[str, ...]:
     """Return a check as the cells of `CHECK_COLUMNS`."""
     return (

@@ -13,7 +13,7 @@ from math import ceil, hypot, log, nan, pi, radians, sqrt
 import numpy as np
 
 from .. import references
-from ..checks import Check, Curve, Plot, Result, Table, formula
+from ..checks import Check, Curve, Note, Plot, Result, Table, formula
 from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
 from ..metrics import Array, largest, state_error, walk
 from ..references import discrete
@@ -90,6 +90,13 @@ class LimitScene(Scene):
                 f"{digits} s; the message has six digits",
             )
             rows.append((f"{k2:g}", f"{measured:.10g}", f"{warned:.6g}", f"{theory:.10g}"))
+        if self.method is SolverMethod.ExplicitRungeKutta4:
+            yield Note(
+                f"Stability: the longest stable step of ExplicitRungeKutta4 is {rows[0][1]:.6} s with the default "
+                f"drag; with strong drag it is {float(rows[-1][1]) * DAMPING_RATES[-1]:.5g}*m/gamma. The FMU warns "
+                "of longer ones. ImplicitEuler has no limit.",
+                headline=True,
+            )
         yield Table(
             f"Largest stable step of {self.method.name}",
             ("k2 [1/s]", "measured through the FMU [s]", "in the FMU's warning [s]", "from |R| <= 1 [s]"),
@@ -134,23 +141,22 @@ class MapScene(Scene):
             0,
             f"steps judged otherwise than by |R|, of {int(np.sum(decided))}: a count has no tolerance",
         )
-        curves = []
-        if not method.stable:
-            fine = np.logspace(-2.5, 4, 200)
-            boundary = [largest_stable_step(partial(linear_radius, method, k2, W02), k2) for k2 in fine]
-            warned = [_warned_limit(fmu, self.method, k2) for k2 in damping_rates]
-            curves = [
-                Curve("|R(h*lambda)| = 1", fine, boundary),
-                Curve("limit in the FMU's warning", damping_rates, warned, "", "."),
-            ]
+        if method.stable:
+            return
+        fine = np.logspace(-2.5, 4, 200)
+        boundary = [largest_stable_step(partial(linear_radius, method, k2, W02), k2) for k2 in fine]
+        warned = [_warned_limit(fmu, self.method, k2) for k2 in damping_rates]
         yield Plot(
             f"Stability of {self.method.name}",
             "k2 = gamma/m [1/s]",
             "h [s]",
-            curves,
+            [
+                Curve("|R(h*lambda)| = 1", fine, boundary),
+                Curve("limit in the FMU's warning", damping_rates, warned, "", "."),
+            ],
             "xy",
-            note="Grey: steps that the FMU was seen to make unstable, each from two small motions. They begin where "
-            "theory has its boundary, and where the FMU warns.",
+            note="Grey: steps that the FMU was seen to make unstable, each from two small motions; a cell is judged "
+            "at its centre. They begin where theory has its boundary, and where the FMU warns.",
             y_range=(1e-4, 10**0.5),
             shade=(damping_rates, steps, radius > 1),
         )
@@ -332,19 +338,18 @@ def _limit_cycle(fmu: Fmu) -> Iterator[Result]:
             f"h*w02/k2 = {ratio:.5f} by the balance of energy; the next term in h is reversible and takes no energy, "
             "the one after it is a relative (h*w0)^2; samples miss the peak by (h*w0)^2/8",
         )
-    slow = fmu.run(Experiment(400.0, 0.02, start, record=("phi", "w")))
-    cycle = np.linspace(0, 1, 201) * references.period(amplitude, W02)
-    exact = references.libration(cycle, amplitude, W02)
+    slow = fmu.run(Experiment(1200.0, 2.0, start, record=("E",)))
+    swing_of = np.degrees(2 * np.arcsin(np.sqrt(slow["E"] / (2 * W02))))
     yield Plot(
         f"Trap: ExplicitEuler with h = {h * 1e3:.3g} ms and k2 = 0.02/s never comes to rest",
-        "phi [deg]",
-        "w [rad/s]",
+        "t [s]",
+        "amplitude [deg]",
         [
-            Curve("FMU", np.degrees(slow["phi"]), slow["w"]),
-            Curve("limit cycle in theory", np.degrees(exact[0]), exact[1], "--"),
+            Curve("FMU, ExplicitEuler", slow.t, swing_of),
+            Curve("limit cycle in theory", slow.t[[0, -1]], [angle, angle], "--"),
+            Curve("exact, about", slow.t, np.degrees(amplitude / 2) * np.exp(-k2 / 2 * slow.t), ":"),
         ],
-        note=f"The drag takes out as much as the method puts in on the orbit of {angle} deg. The true pendulum comes "
-        "to rest.",
+        note=f"At {angle} deg the drag takes out as much as the method puts in. The true pendulum comes to rest.",
     )
 
 
@@ -369,7 +374,9 @@ def _permanent_spin(fmu: Fmu) -> Iterator[Result]:
         "w [rad/s]",
         [
             Curve("FMU", run.t, run["w"]),
-            Curve("w02*sqrt(h/(2*k2))", run.t[[0, -1]], [expected, expected], "--"),
+            Curve(
+                "w02*sqrt(h/(2*k2)), either way", run.t[[0, -1]], [np.sign(run["w"][-1]) * expected] * 2, "--"
+            ),
         ],
         note="It started at rest, 0.06 deg from the lowest point. Nothing fails, and the rate looks plausible.",
     )
@@ -389,13 +396,15 @@ def _escape(fmu: Fmu) -> Iterator[Result]:
             "rad",
             at_least=escapes,
         )
-        curves.append(Curve(f"h = {h:g} s", run.t[:60], run["phi"][:60]))
+        shown = fmu.run(Experiment(60 * h, h, start))
+        curves.append(Curve(f"h = {h:g} s", shown.t, shown["phi"], "-", "."))
     yield Plot(
         "Trap: RK4 leaves the well at half of the linear limit",
         "t [s]",
         "phi [rad]",
         curves,
-        note="Both steps are stable for small swings; from 170 deg the longer one gains energy and goes over the top.",
+        note="Both steps are stable for small swings; from 170 deg the longer one goes over the top in its first "
+        "swing.",
     )
 
 
