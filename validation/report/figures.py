@@ -44,7 +44,7 @@ STYLE: Any = {
     "legend.framealpha": 0.0,
     "image.composite_image": False,
 }
-ELEMENT = re.compile(r' id="[A-Za-z0-9]+_\d+"')  # names that matplotlib gives in every picture
+ELEMENT = re.compile(r' id="[A-Za-z0-9.]+_\d+"')  # names that matplotlib gives in every picture
 POINTS = 2000  # of a curve at most, about
 WIDEST = 1e6  # margins beyond it are drawn at this one
 

@@ -83,7 +83,7 @@ def is_headline(result: Result) -> bool:
 
 def slug(title: str) -> str:
     """Return a title as a part of a file's name."""
-    return re.sub(r"[^a-z0-9.=]+", "-", title.lower()).strip("-.")
+    return re.sub(r"[^a-z0-9.]+", "-", title.lower()).strip("-.")
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
