@@ -89,7 +89,8 @@ class Experiment:
 class Run:
     """Recorded outputs up to the stop, or to where the FMU failed: `failure` says why, "" if it did not.
 
-    The outputs at the end of the step that failed are NaN, so that no bound holds for want of them.
+    The outputs at the end of the step or of the initialization that failed are NaN, so that no bound holds for want of
+    them.
     """
 
     t: NDArray[np.float64]
@@ -173,8 +174,7 @@ class Fmu:
                 setter([self._reference[name]], [value])
             slave.enterInitializationMode()
             ready = slave.dll.fmi2ExitInitializationMode(component) <= fmi2Warning
-            if ready:
-                rows.append(read())
+            rows.append(read() if ready else [nan] * len(experiment.record))
             begin = clock()
             for now, then in pairwise(times) if ready else ():
                 if experiment.torque is not None:
