@@ -31,7 +31,7 @@ def follow(instance: Instance, begin: int = 5) -> Values:
     for k in range(begin, begin + 5):
         assert instance.set(instance.fmu.plant.drive, 0.1 * k) == OK
         assert instance.step(0.01 * k, 0.01 * (k + 1) - 0.01 * k) == OK
-        values.append(instance.get(*instance.fmu.plant.outputs))
+        values.append(instance.get(*instance.fmu.plant.calculated))
     return values
 
 
@@ -51,12 +51,12 @@ methods = pytest.mark.parametrize("instance", SolverMethod, indirect=True, ids=l
 @methods
 def test_a_restored_state_has_the_same_future(instance: Instance) -> None:
     plant = instance.fmu.plant
-    now = instance.get(*plant.outputs)
+    now = instance.get(*plant.calculated)
     state = instance.save()
     future = follow(instance)
     for _ in range(3):
         assert instance.restore(state) == OK
-        assert instance.get(*plant.outputs, plant.drive) == (*now, 0.4)
+        assert instance.get(*plant.calculated, plant.drive) == (*now, 0.4)
         assert follow(instance) == future
     instance.free_state(state)
 
@@ -83,7 +83,7 @@ def test_a_state_is_restored_in_another_process(fmu_path: Path, instance: Instan
 
 def test_a_restored_state_replaces_everything_in_an_instance_that_ran_otherwise(fmu: Fmu) -> None:
     plant = fmu.plant
-    everything = (*(parameter.name for parameter in plant.parameters), plant.drive, *plant.outputs)
+    everything = (*(parameter.name for parameter in plant.parameters), plant.drive, *plant.calculated)
     starts = {plant.mass: 2.0, plant.drive: 0.3}, {plant.x_start: 3.0, "solver.method": 4}
     with fmu.running(starts[0]) as one, fmu.running(starts[1]) as two:
         for running in (one, two):
@@ -127,7 +127,7 @@ def test_reset_forgets_the_run(fmu: Fmu) -> None:
         twin = Twin(plant)
         twin.step(0.0, 0.01)
         assert instance.step(0.0, 0.01) == OK
-        assert instance.get(*plant.outputs) == twin.outputs
+        assert instance.get(*plant.calculated) == twin.calculated
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +144,7 @@ def refused(fmu: Fmu, data: bytes, reason: str) -> bool:
         told = bool(instance.errors) and f"cannot restore the state: {reason}" in instance.errors[0]
         twin.step(0.0, 0.01)
         assert instance.step(0.0, 0.01) == OK
-        return is_error(status) and told and instance.get(*fmu.plant.outputs) == twin.outputs
+        return is_error(status) and told and instance.get(*fmu.plant.calculated) == twin.calculated
 
 
 DAMAGED = "the bytes are damaged"
@@ -383,8 +383,8 @@ class Rollback(RuleBasedStateMachine):
         self.compare()
 
     def compare(self) -> None:
-        seen = self.instance.get(*self.plant.outputs, self.plant.drive)
-        assert seen == (*self.twin.outputs, self.twin.drive)
+        seen = self.instance.get(*self.plant.calculated, self.plant.drive)
+        assert seen == (*self.twin.calculated, self.twin.drive)
 
     @rule(drive=drives)
     def set_drive(self, drive: float) -> None:

@@ -44,7 +44,8 @@ RK4: int = SolverMethod.ExplicitRungeKutta4
 IMPLICIT_EULER: int = SolverMethod.ImplicitEuler
 METHOD_NAMES: dict[int, str] = {method: method.name for method in SolverMethod}
 PARAMETERS = ("m", "L", "gamma", "g", "phi_start", "w_start", "solver.method", "solver.stepSize")
-OUTPUTS = ("phi", "w", "a", "E", "solver.nfev")
+OUTPUTS = ("phi", "w", "a", "E")
+EVALUATIONS = "solver.nfev"
 G = 9.80665  # default gravity acceleration [m/s2]
 W02 = G  # squared angular frequency of small swings of the default pendulum [rad2/s2]
 W0 = sqrt(W02)
@@ -126,7 +127,9 @@ class Fmu:
             reason = str(error).split("\n", 1)[0]
             raise UnusableFmuError(f"{path} is not a readable FMU: {reason}") from None
         self._reference = {v.name: v.valueReference for v in self.description.modelVariables}
-        missing = [name for name in (*PARAMETERS, "tau", *OUTPUTS) if name not in self._reference]
+        missing = [
+            name for name in (*PARAMETERS, "tau", *OUTPUTS, EVALUATIONS) if name not in self._reference
+        ]
         if missing:
             raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
         self.native = not self.description.coSimulation.needsExecutionTool
@@ -185,7 +188,7 @@ class Fmu:
                 if experiment.record:
                     rows.append(read())
             seconds = clock() - begin
-            nfev = slave.getInteger([self._reference["solver.nfev"]])[0]
+            nfev = slave.getInteger([self._reference[EVALUATIONS]])[0]
         failure = next((text for status, text in self._messages if status > fmi2Warning), "")
         table = np.array(rows, dtype=float).reshape(len(rows), len(experiment.record))
         return Run(

@@ -71,7 +71,7 @@ STEP_SIZE = Variable(
 EVALUATIONS = Variable(
     "solver.nfev",
     "Integer",
-    "output",
+    "local",
     "Evaluations of the acceleration since initialization (stays at 2147483647 once there)",
 )
 

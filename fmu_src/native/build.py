@@ -48,7 +48,7 @@ SHELL = (
 MAX_INPUT_ORDER = (
     3  # of the derivatives of the input; with these no Runge-Kutta method loses any of its order
 )
-MAX_OUTPUT_ORDER = 2  # of the derivatives that fmi2GetRealOutputDerivatives knows
+MAX_OUTPUT_ORDER = 1  # of the derivatives that fmi2GetRealOutputDerivatives knows
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = (
     "-std=c11",
