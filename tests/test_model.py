@@ -10,7 +10,9 @@ from mpmath import mp, mpf
 
 from damped_pendulum.model import Motion, Pendulum
 from methods.inline import inlined
-from methods.solvers import METHODS, Solver, SolverMethod, explicit_runge_kutta4
+from methods.explicit import explicit_runge_kutta4
+from methods.motion import Solver
+from methods.solvers import METHODS, SolverMethod
 
 angles = st.floats(-2 * pi, 2 * pi)
 rates = st.floats(-10, 10)

@@ -13,7 +13,6 @@ from methods.solvers import (
     MAX_SUBSTEPS,
     METHODS,
     SolverMethod,
-    implicit_euler,
     stability_limit,
     substeps,
 )
@@ -93,7 +92,7 @@ def test_implicit_euler_satisfies_its_equations(
     phi: float, w: float, damping_rate: float, drive: float, h: float
 ) -> None:
     motion = Motion(damping_rate, W02, drive)
-    new_phi, new_w, _ = implicit_euler(motion, phi, w, h, 1)
+    new_phi, new_w, _ = METHODS[SolverMethod.ImplicitEuler].solver(motion, phi, w, h, 1)
     scale = abs(phi) + abs(w) + h * (abs(drive) + W02) + abs(new_w)
     # A few roundings of the terms in each equation, through 1/(1 + s*cos(x)) < 1/(1 - 0.3^2*w02).
     bound = 8 * float_info.epsilon / (1 - 0.09 * W02) * scale

@@ -12,12 +12,12 @@ Divided by J this is Grillo, "Exercise: the pendulum", with k^2 = gamma/m and om
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from math import copysign, cos, frexp, inf, isfinite, ldexp, sin, sqrt
 from sys import float_info
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-Acceleration = Callable[[float, float], float]
-ImplicitStage = Callable[[float, float], tuple[float, float, int]]
+from methods.motion import Acceleration, ImplicitStage, TaylorStep
 
 
 class Motion(NamedTuple):
@@ -87,6 +87,22 @@ class Motion(NamedTuple):
         w0 = sqrt(abs(self.w02))
         half = self.damping_rate / (2.0 * w0)
         return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9)
+
+    def taylor_step(self, h: float, order: int) -> TaylorStep:
+        """Return phi and w after `h` [s], by their Taylor series up to `order`, as a function of phi and w.
+
+        With the terms of phi, w and those of s = sin(phi), c = cos(phi), each with its power of h,
+
+            phi[k+1] = h/(k+1)*w[k],   w[k+1] = h/(k+1)*(drive[k] - k2*w[k] - w02*s[k]),
+            s[k+1] = h/(k+1)*sum_j w[j]*c[k-j],   c[k+1] = -h/(k+1)*sum_j w[j]*s[k-j]
+
+        from der(s) = w*c and der(c) = -w*s.
+        """
+        drive, drag, gravity = self.coefficients()
+        bind = _taylor_program(order, drag != 0.0, gravity != 0.0)
+        ratios = [h / k for k in range(1, order + 1)]
+        step: TaylorStep = bind(drive, drag, gravity, *ratios, *(-ratio for ratio in ratios))
+        return step
 
 
 class Pendulum(NamedTuple):
@@ -177,6 +193,38 @@ def scaled(value: float, power: int) -> float:
         return ldexp(value, power)
     except OverflowError:
         return copysign(inf, value)
+
+
+@cache
+def _taylor_program(order: int, has_drag: bool, has_gravity: bool) -> Callable[..., TaylorStep]:
+    """Return the recursions of `Motion.taylor_step` with their sums written out: loops would double the time.
+
+    What is returned takes drive, drag and gravity, and h/k and -h/k for k = 1, ..., `order`.
+    """
+    lines = ["s0, c0 = sin(phi0), cos(phi0)"] if has_gravity else []
+    for k in range(order):
+        terms = ["drive"] * (k == 0) + [f"drag * w{k}"] * has_drag + [f"gravity * s{k}"] * has_gravity
+        lines += [f"phi{k + 1} = h{k + 1} * w{k}", f"w{k + 1} = h{k + 1} * ({' + '.join(terms) or '0.0'})"]
+        if has_gravity and k + 1 < order:
+            # The newest terms come last: in C the others are added while these are computed.
+            pairs = [(j, k - j) for j in [*range(1, k), *sorted({0, k}, reverse=True)]]
+            lines += [
+                f"s{k + 1} = h{k + 1} * ({' + '.join(f'w{i} * c{j}' for i, j in pairs)})",
+                f"c{k + 1} = minus_h{k + 1} * ({' + '.join(f'w{i} * s{j}' for i, j in pairs)})",
+            ]
+    sums = [" + ".join(f"{name}{k}" for k in range(order, -1, -1)) for name in ("phi", "w")]
+    ratios = [f"{name}{k}" for name in ("h", "minus_h") for k in range(1, order + 1)]
+    program = [
+        f"def bind({', '.join(['drive', 'drag', 'gravity', *ratios])}):",
+        "    def step(phi0, w0):",
+        *(f"        {line}" for line in lines),
+        f"        return {', '.join(sums)}",
+        "    return step",
+    ]
+    names: dict[str, Any] = {"sin": sin, "cos": cos}
+    exec("\n".join(program), names)
+    bind: Callable[..., TaylorStep] = names["bind"]
+    return bind
 
 
 _QUARTER_ULP = float_info.epsilon / 4.0  # of 1

@@ -9,7 +9,8 @@ from operator import attrgetter
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from methods.integration import Integration
-from methods.solvers import Motion, SolverMethod
+from methods.motion import Motion
+from methods.solvers import SolverMethod
 
 from .shell import INTEGER_MAX, CoSimulation, is_count, is_float
 

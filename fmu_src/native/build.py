@@ -23,6 +23,7 @@ import fmpy
 
 from fmi.tables import Range, Variable
 from methods.solvers import MAX_SUBSTEPS, METHODS, SolverMethod
+from methods.taylor import ORDER as TAYLOR_ORDER
 from slave import SLAVE
 
 FOLDER = Path(__file__).resolve().parent
@@ -99,10 +100,9 @@ def header(guid: str) -> str:
         "REFERENCES": ", ".join(f"VR_{variable.name.replace('.', '_')}" for variable in INTERFACE.variables),
         "VARIABLES": "\n".join(map(_row, INTERFACE.variables)),
         "METHODS": ", ".join(f"{method.name} = {method.value}" for method in SolverMethod),
-        "METHOD_ROWS": "\n".join(
-            f'    [{method.name}] = {{"{method.name}", {_c_double(METHODS[method].real_limit)}}},'
-            for method in SolverMethod
-        ),
+        "METHOD_ROWS": "\n".join(map(_method_row, SolverMethod)),
+        "MAX_STAGES": str(max(len(method.tableau) for method in METHODS.values())),
+        "TAYLOR_ORDER": str(TAYLOR_ORDER),
         "MAX_SUBSTEPS": str(MAX_SUBSTEPS),
         "MAX_INPUT_ORDER": str(MAX_INPUT_ORDER),
         "MAX_OUTPUT_ORDER": str(MAX_OUTPUT_ORDER),
@@ -119,6 +119,13 @@ def _row(variable: Variable) -> str:
     strings = ", ".join(f'"{text}"' for text in (variable.name, INTERFACE.unit_of(variable), allowed.text))
     numbers = ", ".join(map(_c_double, (variable.start or 0.0, allowed.lowest, allowed.highest)))
     return f"    {{{strings}, {kind}, {variable.causality.upper()}, {numbers}}},"
+
+
+def _method_row(method: SolverMethod) -> str:
+    known = METHODS[method]
+    rows = ", ".join(f"{{{', '.join(map(_c_double, row))}}}" for row in known.tableau or ((0.0,),))
+    facts = f'"{method.name}", {known.order}, {_c_double(known.real_limit)}, {len(known.tableau)}'
+    return f"    [{method.name}] = {{{facts}, {{{rows}}}}},"
 
 
 def _c_double(value: float) -> str:

@@ -54,6 +54,11 @@ static inline int64_t model_implicit_stage(const Model *model, double b, double 
 /* The b [s] below which these equations have a single solution; INFINITY: they always have. */
 static double model_longest_implicit_stage(const Model *model);
 
+/* Advance x and v by h [s]: their Taylor series up to TAYLOR_ORDER. The drive is a polynomial: drive[k] is its term
+ * with h^k [x/s2]. */
+static inline void model_taylor_step(const Model *model, const double drive[MAX_INPUT_ORDER + 1], double h, double *x,
+                                     double *v);
+
 /* An output [its unit] other than x, v and a. */
 static double model_output(const double values[VARIABLE_COUNT], unsigned output);
 
@@ -76,6 +81,12 @@ static double model_output_derivative(const Model *model, const Moment *at, unsi
 /* Given to the model, for a model_implicit_stage() that knows no better: Newton's method on a and its partial
  * derivatives, to the last bits where b is below model_longest_implicit_stage(). */
 static inline int64_t newton_stage(const Model *model, double b, double drive, double *x, double *v);
+
+/* Given to the model, for model_taylor_step(): the sum of a series, from its last term on. */
+static inline double total(const double terms[TAYLOR_ORDER + 1]);
+
+/* Given to the model, too: the term k of the product of two series, of which the terms up to k are known. */
+static inline double convolution(const double *first, const double *second, int k);
 
 /* Given to the model: add that `name`, a product or quotient of parameters, is out of range with its value [unit]. */
 static inline void append_out_of_range(Text *problems, const char *name, double value, const char *unit);
