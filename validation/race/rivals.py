@@ -58,22 +58,28 @@ class Solver:
     Attributes
     ----------
     family : what it is compared as
-    knob : what its accuracy depends on, with its unit
-    knobs : its values, from the cheapest
-    prepare : returns what runs a scene with a value of the knob, as often as it is called
+    knobs : values of what its accuracy depends on, a tolerance or a number of substeps, from the cheapest
+    prepare : returns what runs a scene with such a value, as often as it is called
+    counts_substeps : whether they are numbers of substeps, any of which between two of them does, too
+    patience : factor of the cut-off of the scenes
     """
 
     name: str
     family: str
-    knob: str
     knobs: Sequence[float]
     prepare: Callable[[Scene, float], Run]
+    counts_substeps: bool = False
+    patience: float = 1.0
+
+    def cut_off(self, scene: Scene) -> float:
+        """Return how long a run may take [s]."""
+        return self.patience * scene.cut_off
 
 
-def tolerances(spacing: float, least: float = LEAST_TOLERANCE) -> list[float]:
+def tolerances(spacing: float, least: float = LEAST_TOLERANCE) -> tuple[float, ...]:
     """Return 10^-2, 10^(-2-spacing), ... down to `least`."""
     count = int(-(np.log10(least) + 2) / spacing)
-    return [10.0 ** (-2 - i * spacing) for i in range(count + 1)] + [least]
+    return (*(10.0 ** (-2 - i * spacing) for i in range(count + 1)), least)
 
 
 # The equation
@@ -197,12 +203,12 @@ COMPILED_ODEINT = "odeint, f in C"
 HEYOKA = "heyoka"
 
 PYTHON_RIVALS = (
-    Solver("DOP853", SOLVE_IVP, "tolerance", tolerances(0.5), partial(_solve_ivp, DOP853, False)),
-    Solver("LSODA", SOLVE_IVP, "tolerance", tolerances(0.25), partial(_solve_ivp, LSODA, True)),
-    Solver("RK45", SOLVE_IVP, "tolerance", tolerances(1.0), partial(_solve_ivp, RK45, False)),
-    Solver("Radau", SOLVE_IVP, "tolerance", tolerances(0.5), partial(_solve_ivp, Radau, True)),
-    Solver("BDF", SOLVE_IVP, "tolerance", tolerances(1.0), partial(_solve_ivp, BDF, True)),
-    Solver(ODEINT, ODEINT, "tolerance", tolerances(0.25), partial(_odeint, in_python, True)),
+    Solver("DOP853", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, DOP853, False)),
+    Solver("LSODA", SOLVE_IVP, tolerances(0.25), partial(_solve_ivp, LSODA, True)),
+    Solver("RK45", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, RK45, False)),
+    Solver("Radau", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, Radau, True)),
+    Solver("BDF", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, BDF, True)),
+    Solver(ODEINT, ODEINT, tolerances(0.25), partial(_odeint, in_python, True)),
 )
 
 
@@ -226,7 +232,7 @@ def _taylor_integrator(k2: float, drive: Any, tolerance: float) -> Any:
 def _heyoka(scene: Scene, tolerance: float, ends_only: bool = False) -> Run:
     integrator = _taylor_integrator(scene.k2, scene.drive, tolerance)
     longest = inf if scene.drive is None else LONGEST_DRIVEN
-    steps = int(scene.cut_off / 2e-7)  # one takes at least so long [s]
+    steps = 0 if scene.cut_off == inf else int(scene.cut_off / 2e-7)  # 0: any number; one takes 0.2 us or more
     grid = np.array(scene.grid)
 
     def run() -> Outcome:
@@ -250,7 +256,7 @@ def _heyoka(scene: Scene, tolerance: float, ends_only: bool = False) -> Run:
 def compiled_rivals() -> Iterator[Solver | str]:
     """Yield the rivals of the native FMU, and of those that this machine does not have what they need."""
     if find_spec("heyoka") is not None:
-        yield Solver(HEYOKA, HEYOKA, "tolerance", tolerances(1.0, 1e-16), _heyoka)
+        yield Solver(HEYOKA, HEYOKA, tolerances(1.0, 1e-16), _heyoka)
     else:
         yield "heyoka is left out: pip install '.[peers]'"
     try:
@@ -259,5 +265,5 @@ def compiled_rivals() -> Iterator[Solver | str]:
         yield f"SciPy's odeint with a right-hand side in C is left out: {error}"
     else:
         yield Solver(
-            COMPILED_ODEINT, COMPILED_ODEINT, "tolerance", tolerances(0.25), partial(_odeint, compiled, False)
+            COMPILED_ODEINT, COMPILED_ODEINT, tolerances(0.25), partial(_odeint, compiled, False)
         )
