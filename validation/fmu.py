@@ -6,7 +6,7 @@ import io
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
-from ctypes import c_double, c_uint
+from ctypes import c_double, c_uint, c_void_p, cast
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import nan, pi, radians, sqrt
@@ -54,6 +54,8 @@ class Experiment:
     record : outputs to read at every communication point
     begin : start time [s]
     points : communication points [s] instead of those from `begin` to `stop`
+    polynomial : tau [N.m] and its first three derivatives by time as functions of the begin and length of a
+        communication step [s], instead of `torque`; for a `Host` alone
     """
 
     stop: float
@@ -63,6 +65,7 @@ class Experiment:
     record: Sequence[str] = ("phi",)
     begin: float = 0.0
     points: Sequence[float] | None = None
+    polynomial: Callable[[float, float], Sequence[float]] | None = None
 
     def times(self) -> list[float]:
         """Return the communication points [s], formed without accumulation."""
@@ -88,6 +91,10 @@ class Run:
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         return self.columns[name]
+
+
+Host = Callable[..., int]
+"""A compiled importer, see race/host.c."""
 
 
 class Fmu:
@@ -139,11 +146,11 @@ class Fmu:
         self._slave.freeInstance()
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def run(self, experiment: Experiment) -> Run:
+    def run(self, experiment: Experiment, host: Host | None = None) -> Run:
         """Simulate from a fresh state; a failure of the FMU ends the run and is part of its result.
 
         The functions of the FMU are called as FMPy has loaded them, without the wrappers in Python around them, so
-        that the time is that of the FMU.
+        that the time is that of the FMU. A `host` takes the place of the loop in Python over the communication steps.
         """
         slave, component = self._slave, self._slave.component
         do_step = slave.dll.fmi2DoStep
@@ -162,16 +169,19 @@ class Fmu:
             ready = slave.dll.fmi2ExitInitializationMode(component) <= fmi2Warning
             if ready:
                 rows.append(read())
-            begin = clock()
-            for now, then in pairwise(times) if ready else ():
-                if experiment.torque is not None:
-                    set_torque(experiment.torque(now))
-                if do_step(component, now, then - now, fmi2True) > fmi2Warning:
-                    rows.append([nan] * len(experiment.record))
-                    break
-                if experiment.record:
-                    rows.append(read())
-            seconds = clock() - begin
+            if host is not None and ready:
+                seconds = self._run_in(host, experiment, times, rows)
+            else:
+                begin = clock()
+                for now, then in pairwise(times) if ready else ():
+                    if experiment.torque is not None:
+                        set_torque(experiment.torque(now))
+                    if do_step(component, now, then - now, fmi2True) > fmi2Warning:
+                        rows.append([nan] * len(experiment.record))
+                        break
+                    if experiment.record:
+                        rows.append(read())
+                seconds = clock() - begin
             nfev = slave.getInteger([self._reference["solver.nfev"]])[0]
         failure = next((text for status, text in self._messages if status > fmi2Warning), "")
         table = np.array(rows, dtype=float).reshape(len(rows), len(experiment.record))
@@ -183,6 +193,29 @@ class Fmu:
             failure=failure,
             warnings=[text for status, text in self._messages if status == fmi2Warning],
         )
+
+    def _run_in(
+        self, host: Host, experiment: Experiment, times: Sequence[float], rows: list[list[float]]
+    ) -> float:
+        """Run in a compiled host, append to `rows` what it reads, and return its time [s]."""
+        dll, steps, width = self._slave.dll, len(times) - 1, len(experiment.record)
+        names = ("fmi2DoStep", "fmi2GetReal", "fmi2SetReal", "fmi2SetRealInputDerivatives")
+        functions = [cast(getattr(dll, name), c_void_p) for name in names]
+        references = (c_uint * width)(*(self._reference[name] for name in experiment.record))
+        table = (c_double * (steps * width))()
+        inputs = None
+        if experiment.polynomial is not None:
+            values = [x for now, then in pairwise(times) for x in experiment.polynomial(now, then - now)]
+            inputs = (c_double * len(values))(*values)
+        points = (c_double * len(times))(*times)
+        tau, component = self._reference["tau"], c_void_p(self._slave.component)
+        begin = clock()
+        done = host(*functions, component, steps, points, width, references, table, tau, inputs)
+        seconds = clock() - begin
+        rows += [table[i * width : (i + 1) * width] for i in range(done)]
+        if done < steps:
+            rows.append([nan] * width)
+        return seconds
 
     def _reader(self, names: Sequence[str]) -> Callable[[], list[float]]:
         slave, n = self._slave, len(names)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
+import tempfile
 from functools import cache, partial
+from pathlib import Path
 
-from ..fmu import Experiment, Fmu
+from ..fmu import Experiment, Fmu, Host
+from .compiler import NoCompilerError, shared_library
 from .rivals import Outcome, Run, Solver
 from .scenes import Scene
 
@@ -36,24 +40,54 @@ def solvers(fmu: Fmu) -> tuple[Solver, ...]:
     )
 
 
+@cache
+def compiled_host() -> Host:
+    """Return the host in C.
+
+    Raises
+    ------
+    NoCompilerError : there is no C compiler, or it fails
+    """
+    source = Path(__file__).resolve().parent / "host.c"
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        run = ctypes.CDLL(str(shared_library(source, Path(folder)))).run
+    pointer, size = ctypes.c_void_p, ctypes.c_size_t
+    run.argtypes = [pointer] * 5 + [size, pointer, size, pointer, pointer, ctypes.c_uint, pointer]
+    run.restype = size
+    host: Host = run
+    return host
+
+
+def host_of(fmu: Fmu) -> Host | None:
+    """Return what runs the FMU: a host in C for the native one, if there is a compiler; else that in Python."""
+    try:
+        return compiled_host() if fmu.native else None
+    except NoCompilerError:
+        return None
+
+
 def experiment(scene: Scene, method: int, substeps: float) -> Experiment:
     """Return the run with so many substeps in a communication step.
 
-    With a drive the communication step is the substep, and the torque that of its middle.
+    With a drive the communication step is the substep. The torque is that of its middle, held, or in a host in C, which
+    sets derivatives of the input, a cubic.
     """
     h = scene.step / substeps
     start = {**scene.start, "solver.method": method, "solver.stepSize": h}
+    record = ("phi", "w")
     if (drive := scene.drive) is None:
-        return Experiment(scene.stop, scene.step, start, record=("phi", "w"))
-    return Experiment(scene.stop, h, start, lambda t: drive(t + h / 2), ("phi", "w"))
+        return Experiment(scene.stop, scene.step, start, record=record)
+    return Experiment(
+        scene.stop, h, start, lambda t: drive(t + h / 2), record, polynomial=drive.polynomial
+    )
 
 
 def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float) -> Run:
-    prepared = experiment(scene, method, substeps)
+    prepared, host = experiment(scene, method, substeps), host_of(fmu)
     stride = 1 if scene.drive is None else int(substeps)
 
     def run() -> Outcome:
-        done = fmu.run(prepared)
+        done = fmu.run(prepared, host)
         failure = "diverged" if done.failure else ""
         return Outcome(done.seconds, done["phi"][::stride], done["w"][::stride], done.nfev, failure)
 

@@ -74,11 +74,15 @@ def measured(solver: Solver, scene: Scene, knob: float) -> Rung:
 
 @cache
 def ladder(solver: Solver, scene: Scene) -> Sequence[Rung]:
-    """Return runs of rising accuracy, up to the least error of the scene or the cut-off."""
-    rungs = []
+    """Return runs of rising accuracy, up to the least error of the scene or two runs that take too long.
+
+    One such run may be an accident: some solvers lose their way with a large tolerance.
+    """
+    rungs: list[Rung] = []
     for knob in solver.knobs:
         rungs.append(measured(solver, scene, knob))
-        if rungs[-1].errors.largest <= scene.targets[-1] or rungs[-1].seconds > solver.cut_off(scene):
+        too_long = [rung.seconds > solver.cut_off(scene) for rung in rungs[-2:]]
+        if rungs[-1].errors.largest <= scene.targets[-1] or too_long == [True, True]:
             break
     return rungs
 

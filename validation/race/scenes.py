@@ -30,6 +30,14 @@ class Gaussian(NamedTuple):
         """Return the drive [1/s2] at the time `t` [s]."""
         return float(self.peak * np.exp(-((t - self.center) ** 2) / (2 * self.variance)))
 
+    def polynomial(self, t: float, h: float) -> tuple[float, float, float, float]:
+        """Return the drive and its first three derivatives at `t` [s] of the cubic that fits it in the middle of h."""
+        x = (t + h / 2 - self.center) / self.variance
+        of_middle = np.array([1.0, -x, x * x - 1 / self.variance, 3 * x / self.variance - x**3])
+        d0, d1, d2, d3 = (self(t + h / 2) * of_middle).tolist()
+        s = -h / 2
+        return d0 + s * (d1 + s * (d2 / 2 + s * d3 / 6)), d1 + s * (d2 + s * d3 / 2), d2 + s * d3, d3
+
 
 @dataclass(frozen=True)
 class Scene:
