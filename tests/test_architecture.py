@@ -11,16 +11,20 @@ ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / "fmu_src"
 # Module -> what it may import: modules of its package, other packages.
 ALLOWED = {
-    "damped_pendulum.model": set(),
+    "damped_pendulum.model": {"methods.motion"},
     "damped_pendulum.interface": {"fmi.tables", "methods.solvers"},
-    "methods.solvers": set(),
-    "methods.inline": {".solvers"},
-    "methods.integration": {".inline", ".solvers"},
+    "methods.motion": set(),
+    "methods.explicit": {".motion"},
+    "methods.implicit": {".motion"},
+    "methods.taylor": {".motion"},
+    "methods.solvers": {".explicit", ".implicit", ".motion", ".taylor"},
+    "methods.inline": {".explicit", ".motion"},
+    "methods.integration": {".inline", ".motion", ".solvers"},
     "fmi.tables": set(),
     "fmi.wrapper": set(),
     "fmi.description": {".tables", "pythonfmu"},
     "fmi.shell": {".description", ".tables", ".wrapper", "pythonfmu", "pythonfmu.enums"},
-    "fmi.second_order": {".shell", "methods.integration", "methods.solvers"},
+    "fmi.second_order": {".shell", "methods.integration", "methods.motion", "methods.solvers"},
     "slave": {"damped_pendulum.interface", "damped_pendulum.model", "fmi.second_order"},
 }
 
@@ -98,7 +102,15 @@ def test_the_one_compiled_c_file_includes_the_others_from_below() -> None:
     assert {f"{name}.c" for name in order} | {"all.c"} == {path.name for path in NATIVE.glob("*.c")}
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "validation").glob("*.py")), ids=lambda path: path.stem)
+VALIDATION = ROOT / "validation"
+MODULES = sorted(VALIDATION.rglob("*.py"))
+
+
+def module_name(path: Path) -> str:
+    return ".".join(path.relative_to(VALIDATION).with_suffix("").parts)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=module_name)
 def test_the_validation_shares_no_code_with_the_fmu(path: Path) -> None:
     names = {name for _, name in imports(path)}
     assert not names & {"damped_pendulum", "slave", "pythonfmu", "fmu_src", "build_fmu"}
@@ -106,7 +118,18 @@ def test_the_validation_shares_no_code_with_the_fmu(path: Path) -> None:
 
 def test_only_the_driver_knows_fmpy_and_only_the_report_matplotlib() -> None:
     users = {
-        name: {path.stem for path in (ROOT / "validation").glob("*.py") if (0, name) in imports(path)}
-        for name in ("fmpy", "matplotlib")
+        name: {module_name(path) for path in MODULES if (0, name) in imports(path)}
+        for name in ("fmpy", "matplotlib", "jinja2", "rich")
     }
-    assert users == {"fmpy": {"fmu", "quickstart"}, "matplotlib": {"report"}}
+    assert users == {
+        "fmpy": {"fmu", "quickstart"},
+        "matplotlib": {"report.figures"},
+        "jinja2": {"report.page"},
+        "rich": {"report.screen"},
+    }
+
+
+@pytest.mark.parametrize("path", sorted((VALIDATION / "references").glob("*.py")), ids=module_name)
+def test_the_references_know_nothing_of_the_rest(path: Path) -> None:
+    own = {other.stem for other in (VALIDATION / "references").glob("*.py")} | {""}
+    assert {(level, name) for level, name in imports(path) if level} <= {(1, name) for name in own}

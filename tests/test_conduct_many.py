@@ -89,10 +89,10 @@ def wrong_fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
     """A build whose kernel weighs the stages of the Runge-Kutta method wrongly."""
     folder = tmp_path_factory.mktemp("wrong")
     sources = shutil.copytree(SOURCES, folder / "fmu_src", ignore=shutil.ignore_patterns("__pycache__"))
-    solvers = sources / "methods" / "solvers.py"
-    text = solvers.read_text("utf-8")
+    methods = sources / "methods" / "explicit.py"
+    text = methods.read_text("utf-8")
     assert "sixth = h / 6" in text
-    solvers.write_text(text.replace("sixth = h / 6", "sixth = h / 5"), "utf-8")
+    methods.write_text(text.replace("sixth = h / 6", "sixth = h / 5"), "utf-8")
     return Fmu(build(folder / "DampedPendulum.fmu", sources), folder / "extracted")
 
 

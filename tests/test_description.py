@@ -154,7 +154,16 @@ TYPES = {
     "Energy": "J",
     "Time": "s",
 }
-METHODS = ["ExplicitEuler", "ExplicitMidPoint2", "ExplicitRungeKutta4", "ImplicitEuler"]
+METHODS = [
+    "ExplicitEuler",
+    "ExplicitMidPoint2",
+    "ExplicitRungeKutta4",
+    "ImplicitEuler",
+    "ImplicitTrapezoid",
+    "TRBDF2",
+    "SDIRK4",
+    "TaylorSeries",
+]
 
 
 def test_every_type_has_quantity_and_unit(root: Element) -> None:

@@ -56,7 +56,7 @@ ENDS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "> 0": ((SMALLEST, LARGEST), (0.0, -0.0, -SMALLEST, inf, nan)),
     ">= 0": ((0.0, -0.0, SMALLEST, LARGEST), (-SMALLEST, inf, nan)),
     "finite": ((-LARGEST, -SMALLEST, 0.0, SMALLEST, LARGEST), (-inf, inf, nan)),
-    "1..4": ((1, 4), (0, 5, -1)),
+    "1..8": ((1, 8), (0, 9, -1)),
 }
 RANGES = {
     "m": "> 0",
@@ -65,7 +65,7 @@ RANGES = {
     "g": "finite",
     "phi_start": "finite",
     "w_start": "finite",
-    "solver.method": "1..4",
+    "solver.method": "1..8",
     "solver.stepSize": "> 0",
     "tau": "finite",
 }
@@ -112,13 +112,13 @@ def test_degrees_are_shown_for_angles_only(description: ModelDescription) -> Non
     assert {v.name for v in description.modelVariables if v.displayUnit} == {"phi_start", "phi"}
 
 
-def test_the_enumeration_comes_first_and_has_the_names_of_modelica(fmu_path: Path) -> None:
+def test_the_enumeration_comes_first_and_has_the_methods(fmu_path: Path) -> None:
     root = ElementTree.fromstring(build_fmu.read_entries(fmu_path)["modelDescription.xml"])
     first = root.find("TypeDefinitions")[0]
     assert first.get("name") == "SolverMethod"
     items = {item.get("name"): int(item.get("value")) for item in first.iter("Item")}
     assert items == {method.name: method.value for method in SolverMethod}
-    assert list(items.values()) == [1, 2, 3, 4]
+    assert list(items.values()) == [1, 2, 3, 4, 5, 6, 7, 8]
 
 
 def test_outputs_say_what_they_depend_on(description: ModelDescription) -> None:

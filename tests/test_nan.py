@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from validation import grillo, stability, work_precision
-from validation.fmu import RK4, Experiment, Fmu
+from validation import work_precision
+from validation.checks import Check
+from validation.fmu import W02, Experiment, Fmu, SolverMethod
 from validation.metrics import largest
-from validation.results import Check
+from validation.references.methods import METHODS, linear_radius
+from validation.studies import grillo, stability
 from validation.work_precision import Point, WorkScene
 
 
@@ -37,14 +39,14 @@ def test_a_run_that_fails_ends_without_a_number(fmu_path: Path) -> None:
 
 
 def test_a_stability_map_counts_what_is_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    degree = stability.EXPLICIT[RK4]
+    rk4 = SolverMethod.ExplicitRungeKutta4
 
     def measured(_: Any, __: int, k2: float, h: float) -> float:
-        radius = stability.theoretical_radius(degree, k2, h)
+        radius = linear_radius(METHODS[rk4.name], k2, W02, h)
         return radius if radius > 1 else nan
 
     monkeypatch.setattr(stability, "measured_radius", measured)
-    (row,) = (result for result in stability._map(None, RK4) if isinstance(result, Check))  # type: ignore[arg-type]
+    (row,) = (r for r in stability.MapScene(rk4).run(None) if isinstance(r, Check))  # type: ignore[arg-type]
     assert row.measured > 0
     assert not row.holds
 
@@ -54,15 +56,18 @@ def test_a_run_that_ends_without_a_number_is_on_the_wrong_side() -> None:
     stable = Point(1e-4, 1e-6, 1e-6, 1.0, 1)
     lost = Point(1.0, inf, inf, 1.0, 1, "diverged")
     nowhere = Point(1e-4, nan, nan, 1.0, 1)
-    assert work_precision._divergence(scene, RK4, [stable, lost]).holds
-    assert work_precision._divergence(scene, RK4, [stable, lost, nowhere]).measured == 1
+    assert work_precision._divergence(scene, SolverMethod.ExplicitRungeKutta4, [stable, lost]).holds
+    assert (
+        work_precision._divergence(scene, SolverMethod.ExplicitRungeKutta4, [stable, lost, nowhere]).measured
+        == 1
+    )
 
 
 def test_the_worst_frequency_is_the_one_without_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = next(s for s in grillo.SCENES if isinstance(s, grillo.FrequencyScene))
     answers = iter([1.0 + 0j, *[complex(nan)] * (len(scene.frequencies) - 1)])
     monkeypatch.setattr(grillo, "measured_response", lambda *_: next(answers))
-    rows = [result for result in grillo._frequencies(None, scene) if isinstance(result, Check)]  # type: ignore[arg-type]
+    rows = [result for result in scene.run(None) if isinstance(result, Check)]  # type: ignore[arg-type]
     assert len(scene.frequencies) > 1
     assert np.isnan(rows[-1].measured)
     assert not rows[-1].holds

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 from fractions import Fraction
-from math import log2, nan
+from math import log2, nan, sqrt
 
 import mpmath
 import pytest
@@ -55,12 +55,14 @@ def driven_error(
 
 
 @pytest.mark.parametrize("method", SolverMethod)
-def test_with_input_derivatives_a_driven_run_has_the_order_of_the_method(
+def test_with_input_derivatives_a_driven_run_has_the_order_of_the_method_up_to_theirs(
     instance: Instance, method: SolverMethod, torque: Callable[[float], list[float]]
 ) -> None:
     coarse, fine = (driven_error(instance, method, steps, torque, 3) for steps in (32, 64))
+    # The torque is known up to the order 3 of its derivatives, which costs a step O(H^5).
+    order = min(METHODS[method].order, 4)
     # The next term of the error changes the observed order by O(H), H = 1/32.
-    assert log2(coarse / fine) == pytest.approx(METHODS[method].order, abs=0.25)
+    assert log2(coarse / fine) == pytest.approx(order, abs=0.25)
 
 
 @pytest.mark.parametrize(
@@ -70,6 +72,10 @@ def test_with_input_derivatives_a_driven_run_has_the_order_of_the_method(
         (2, {0.5: 1.0}),
         (3, {0.0: 1 / 6, 0.5: 4 / 6, 1.0: 1 / 6}),
         (4, {1.0: 1.0}),
+        (5, {0.0: 1 / 2, 1.0: 1 / 2}),
+        (6, {0.0: sqrt(2) / 4, 2 - sqrt(2): sqrt(2) / 4, 1.0: 1 - sqrt(2) / 2}),
+        (7, {1 / 4: 25 / 24, 3 / 4: -49 / 48, 11 / 20: 125 / 16, 1 / 2: -85 / 12, 1.0: 1 / 4}),
+        (8, {0.0: 1 / 6, 0.5: 4 / 6, 1.0: 1 / 6}),  # exact for the series of a cubic torque
     ],
 )
 def test_a_free_mass_shows_at_which_times_a_method_takes_the_torque(
@@ -88,7 +94,10 @@ def test_a_free_mass_shows_at_which_times_a_method_takes_the_torque(
         for place, weight in nodes.items()
         for t in ((i + place) * h,)
     ]
-    assert instance.get("w")[0] == pytest.approx(h * sum(torques) / 2.0, rel=1e-15 * len(torques), abs=0)
+    size = h * sum(map(abs, torques)) / 2.0
+    assert instance.get("w")[0] == pytest.approx(
+        h * sum(torques) / 2.0, rel=0, abs=1e-15 * len(torques) * size
+    )
 
 
 def test_without_input_derivatives_the_torque_is_held(

@@ -14,8 +14,8 @@ from hypothesis import HealthCheck, settings
 
 from validation import races, studies, work_precision
 from validation.__main__ import main
+from validation.checks import Check, Note, Result
 from validation.fmu import Fmu
-from validation.results import Check, Note, Result
 
 ROOT = Path(__file__).resolve().parent.parent
 TESTS = sorted([*(ROOT / "tests").glob("*.py"), *(ROOT / "validation").glob("test_*.py")])
@@ -172,9 +172,9 @@ def test_the_command_fails_with_a_race(
 
 
 def test_rows_of_time_come_from_races_alone() -> None:
-    names = {scene.name for name in studies.NAMES for scene in studies.races(studies.load(name))}
+    names = {scene.name for name in studies.NAMES for scene in studies.load(name).races}
     assert names == {scene.name for scene in work_precision.RACES}
-    assert not names & {scene.name for name in studies.NAMES for scene in studies.load(name).SCENES}
+    assert not names & {scene.name for name in studies.NAMES for scene in studies.load(name).scenes}
 
 
 on_native = pytest.mark.parametrize("carrier", ["native"], indirect=True, scope="session")

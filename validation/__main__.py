@@ -7,12 +7,13 @@ import sys
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from time import perf_counter
 from typing import NoReturn
 
-from . import report, studies
+from . import studies
+from .checks import Plot, Result
 from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
-from .results import Plot, Result
+from .report import figures, page, screen
+from .report.section import Section, summary
 
 LEADING = ("work_precision", "stability")  # studies with a picture at the top of the report
 
@@ -64,38 +65,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sections = list(run_studies(fmu, chosen))
     except UnusableFmuError as error:
         parser.error(str(error))
-    page = report.write(sections, options.output, options.fmu, pictures)
+    written = page.write(sections, options.output, options.fmu, pictures)
     if options.picture is not None:
-        plots = (r for section in sections for r in section.results if isinstance(r, Plot) and r.headline)
-        options.picture.write_bytes(report.draw(next(plots)))
-    print(f"\n{report.summary(sections)}\nreport: {page}")
+        plots = (plot for section in sections for plot in section.of(Plot) if plot.headline)
+        options.picture.write_bytes(figures.png(next(plots)))
+    print(f"\n{summary(sections)}\nreport: {written}")
     return 0 if all(check.holds for section in sections for check in section.checks) else 1
 
 
-def run_studies(fmu: Fmu, names: Sequence[str]) -> Iterator[report.Section]:
+def run_studies(fmu: Fmu, names: Sequence[str]) -> Iterator[Section]:
     """Run studies, show their progress and print each when it is done."""
-    loaded = [(name, studies.load(name)) for name in names]
-    total = sum(len(study.SCENES) + len(studies.races(study)) for _, study in loaded)
-    done, begin = 0, perf_counter()
-    for name, study in loaded:
-        results: list[Result] = []
-        for scene in (*study.SCENES, *studies.races(study)):
-            show_progress(done, total, perf_counter() - begin, f"{name}: {scene.name}")
-            results += study.run(fmu, scene)
-            done += 1
-        show_progress(done, total, perf_counter() - begin, "")
-        section = report.Section(name, study.TITLE, study.FORMULA, results)
-        print(report.screen(section))
-        yield section
-
-
-def show_progress(done: int, total: int, seconds: float, what: str) -> None:
-    """Draw the progress bar on a terminal; draw nothing elsewhere."""
-    if sys.stderr.isatty():
-        bar = "#" * (30 * done // total)
-        print(f"\r\x1b[K[{bar:<30}] {done}/{total} {seconds:.0f} s {what[:60]}", end="", file=sys.stderr)
-        if not what:
-            print("\r\x1b[K", end="", file=sys.stderr)
+    chosen = [studies.load(name) for name in names]
+    console = screen.console()
+    with screen.progress() as progress:
+        task = progress.add_task("", total=sum(len(study.scenes) + len(study.races) for study in chosen))
+        for study in chosen:
+            results: list[Result] = []
+            for scene in (*study.scenes, *study.races):
+                progress.update(task, description=f"{study.name}: {scene.name}")
+                results += scene.run(fmu)
+                progress.advance(task)
+            section = Section(study.name, study.title, study.formula, results)
+            screen.show(section, console)
+            yield section
 
 
 if __name__ == "__main__":

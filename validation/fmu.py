@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
 from ctypes import c_double, c_uint, c_void_p, cast
 from dataclasses import dataclass, field
+from enum import IntEnum
 from itertools import pairwise
 from math import nan, pi, radians, sqrt
 from pathlib import Path
@@ -23,13 +24,21 @@ from .races import clock
 
 DEFAULT_PATH = Path(__file__).resolve().parent.parent / "dist" / "DampedPendulum.fmu"
 
-EULER, MIDPOINT, RK4, IMPLICIT_EULER = 1, 2, 3, 4
-METHOD_NAMES = {
-    EULER: "ExplicitEuler",
-    MIDPOINT: "ExplicitMidPoint2",
-    RK4: "ExplicitRungeKutta4",
-    IMPLICIT_EULER: "ImplicitEuler",
-}
+
+class SolverMethod(IntEnum):
+    """The enumeration of the same name in the interface of the FMU."""
+
+    ExplicitEuler = 1
+    ExplicitMidPoint2 = 2
+    ExplicitRungeKutta4 = 3
+    ImplicitEuler = 4
+
+
+EULER: int = SolverMethod.ExplicitEuler
+MIDPOINT: int = SolverMethod.ExplicitMidPoint2
+RK4: int = SolverMethod.ExplicitRungeKutta4
+IMPLICIT_EULER: int = SolverMethod.ImplicitEuler
+METHOD_NAMES: dict[int, str] = {method: method.name for method in SolverMethod}
 PARAMETERS = ("m", "L", "gamma", "g", "phi_start", "w_start", "solver.method", "solver.stepSize")
 OUTPUTS = ("phi", "w", "a", "E", "solver.nfev")
 G = 9.80665  # default gravity acceleration [m/s2]

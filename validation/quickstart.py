@@ -14,8 +14,10 @@ import numpy as np
 
 from . import references
 from .__main__ import Parser
+from .checks import Curve, Plot
 from .fmu import DEFAULT_PATH, W02, Fmu, UnusableFmuError
 from .metrics import upward_crossings
+from .report import figures
 
 PURPOSE = (
     "Run the default experiment with FMPy and print its period and impulse response beside the exact ones."
@@ -74,9 +76,6 @@ def report(default: Any, undamped: Any, impulse: Any) -> None:
 
 def draw(default: Any, impulse: Any, path: Path) -> None:
     """Write a picture of the default experiment and of the impulse response."""
-    from .report import draw as draw_plot
-    from .results import Curve, Plot
-
     t = default["time"]
     exact = references.impulse_response(t, K2, W02)[0]
     plot = Plot(
@@ -90,7 +89,7 @@ def draw(default: Any, impulse: Any, path: Path) -> None:
         ],
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(draw_plot(plot))
+    path.write_bytes(figures.png(plot))
     print(f"\npicture: {path}")
 
 

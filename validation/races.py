@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import comb, nan
 from time import perf_counter, thread_time
 
-from .results import Check
+from .checks import Check
 
 Runner = Callable[[], float]  # runs once and returns the time [s] of what is raced
 

@@ -3,29 +3,31 @@
 import pytest
 
 from validation import studies
+from validation.checks import Check
 from validation.fmu import Fmu
-from validation.results import Check
 
+STUDIES = [studies.load(name) for name in studies.NAMES]
 CASES = [
-    pytest.param(name, scene, id=f"{name}-{scene.name}", marks=[pytest.mark.slow] if scene.slow else [])
-    for name in studies.NAMES
-    for scene in studies.load(name).SCENES
+    pytest.param(scene, id=f"{study.name}-{scene.name}", marks=[pytest.mark.slow] if scene.slow else [])
+    for study in STUDIES
+    for scene in study.scenes
 ]
 RACES = [
     pytest.param(
-        name,
         scene,
-        id=f"{name}-{scene.name}",
-        marks=pytest.mark.skip(reason=f"run times: python -m validation {name} measures and judges them"),
+        id=f"{study.name}-{scene.name}",
+        marks=pytest.mark.skip(
+            reason=f"run times: python -m validation {study.name} measures and judges them"
+        ),
     )
-    for name in studies.NAMES
-    for scene in studies.races(studies.load(name))
+    for study in STUDIES
+    for scene in study.races
 ]
 
 
-@pytest.mark.parametrize(("study", "scene"), [*CASES, *RACES])
-def test_study(fmu: Fmu, study: str, scene: studies.Scene, subtests: pytest.Subtests) -> None:
-    rows = [result for result in studies.load(study).run(fmu, scene) if isinstance(result, Check)]
+@pytest.mark.parametrize("scene", [*CASES, *RACES])
+def test_study(fmu: Fmu, scene: studies.Scene, subtests: pytest.Subtests) -> None:
+    rows = [result for result in scene.run(fmu) if isinstance(result, Check)]
     for row in rows:
         with subtests.test(row.name):
             assert row.holds, str(row)

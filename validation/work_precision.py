@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import odeint, solve_ivp
 
-from . import races, references, taylor
+from . import races, references
+from .checks import Check, Curve, Note, Plot, Result, Table
 from .fmu import EULER, IMPLICIT_EULER, METHOD_NAMES, MIDPOINT, RK4, W0, W02, Experiment, Fmu, Run
 from .loops import Loop, NoCompilerError, c_loop, python_loop
 from .metrics import largest, observed_order, state_error
 from .races import Ratio, clock
-from .results import Check, Curve, Note, Plot, Result, Table
+from .references import taylor
 
 TITLE = "Error against run time"
 FORMULA = (

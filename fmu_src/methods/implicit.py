@@ -28,7 +28,8 @@ Tableau = tuple[tuple[float, ...], ...]
 # that is explicit.
 IMPLICIT_EULER = ((1.0,),)
 IMPLICIT_TRAPEZOID = ((0.0,), (1 / 2, 1 / 2))
-TR_BDF2 = ((0.0,), (1 - sqrt(2) / 2, 1 - sqrt(2) / 2), (sqrt(2) / 4, sqrt(2) / 4, 1 - sqrt(2) / 2))
+_GEAR = 1 / (2 + sqrt(2))  # 1 - sqrt(2)/2 without its cancellation
+TR_BDF2 = ((0.0,), (_GEAR, _GEAR), (sqrt(2) / 4, sqrt(2) / 4, _GEAR))
 SDIRK4 = (  # Hairer, Wanner II, eq. (IV.6.16)
     (1 / 4,),
     (1 / 2, 1 / 4),

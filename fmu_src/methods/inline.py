@@ -33,7 +33,8 @@ def _source(solver: Solver) -> str | None:
 
 
 # Read now: importers remove the files of an instance, while Python keeps the modules.
-_SOURCES = {solver: _source(solver) for solver in (explicit_euler, explicit_midpoint2, explicit_runge_kutta4)}
+_EXPLICIT: tuple[Solver, ...] = (explicit_euler, explicit_midpoint2, explicit_runge_kutta4)
+_SOURCES = {solver: _source(solver) for solver in _EXPLICIT}
 
 
 @cache

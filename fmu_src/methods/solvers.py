@@ -88,9 +88,7 @@ METHODS = {
     SolverMethod.TRBDF2: _implicit(
         TR_BDF2, 2, "Trapezoid, then the second-order formula of Gear (order 2, L-stable)"
     ),
-    SolverMethod.SDIRK4: _implicit(
-        SDIRK4, 4, "Diagonally implicit Runge-Kutta method (order 4, L-stable)"
-    ),
+    SolverMethod.SDIRK4: _implicit(SDIRK4, 4, "Diagonally implicit Runge-Kutta method (order 4, L-stable)"),
     SolverMethod.TaylorSeries: Method(
         taylor_series,
         ORDER,

@@ -44,7 +44,9 @@ SHELL = (
 )
 # The one file that knows the model, see model.h.
 (MODEL_FILE,) = {path.name for path in FOLDER.glob("*.c")} - {*SOURCES, *SHELL}
-MAX_INPUT_ORDER = 3  # of the derivatives of the input; with these no method loses any of its order, 4 at most
+MAX_INPUT_ORDER = (
+    3  # of the derivatives of the input; with these no Runge-Kutta method loses any of its order
+)
 MAX_OUTPUT_ORDER = 2  # of the derivatives that fmi2GetRealOutputDerivatives knows
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = (

@@ -131,8 +131,8 @@ static double model_longest_implicit_stage(const Model *model) {
     return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9);
 }
 
-/* Terms with their powers of h, by der(sin(phi)) = w*cos(phi), der(cos(phi)) = -w*sin(phi). Unrolled, for in a loop each
- * term would wait for the memory that the one before was just written to. */
+/* Terms with their powers of h, by der(sin(phi)) = w*cos(phi), der(cos(phi)) = -w*sin(phi). Unrolled, for in a loop
+ * each term would wait for the memory that the one before was just written to. */
 static inline void model_taylor_step(const Model *model, const double drive[MAX_INPUT_ORDER + 1], double h, double *phi,
                                      double *w) {
     double angle[TAYLOR_ORDER + 1] = {*phi};

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from scipy import signal
 from scipy.special import ellipk
 
-from . import references
-from .fmu import EULER, IMPLICIT_EULER, MIDPOINT, RK4, W0, W02, Experiment, Fmu, Run
-from .results import Check, Curve, Plot, Result, Table
+from .. import references
+from ..checks import Check, Curve, Plot, Result, Table
+from ..fmu import W0, W02, Experiment, Fmu, Run, SolverMethod
+from .scene import Scene
 
 TITLE = "Errata of the two documents"
 FORMULA = "phi'' + (gamma/m)*phi' + (g/L)*sin(phi) = tau/(m*L^2), linear: phi'' + k2*phi' + w02*phi = drive"
@@ -69,30 +70,31 @@ class Erratum:
 
 
 @dataclass(frozen=True)
-class Scene:
-    """The errata of a document."""
+class Document(Scene):
+    """The errata of a document, and a picture of what they do, if there is one."""
 
-    name: str
+    TITLE = "{0.title}"
+
+    title: str
     errata: Sequence[Erratum]
-    slow: bool = False
+    picture: Callable[[], Plot] | None = None
 
-
-def run(fmu: Fmu, scene: Scene) -> Iterator[Result]:
-    """Yield the rows of a document and the table of its errata."""
-    rows = []
-    for erratum in scene.errata:
-        values = [number.compute(fmu) for number in erratum.numbers]
-        for number, value in zip(erratum.numbers, values, strict=True):
-            check = number.check(value)
-            yield Check(f"{erratum.where}: {check.name}", *_rest(check))
-        shown = "; ".join(
-            f"{number.name}: {value:.{_digits(number)}g} {number.unit}".strip()
-            for number, value in zip(erratum.numbers, values, strict=True)
-        )
-        rows.append((erratum.where, erratum.printed, erratum.right, shown))
-    yield Table(scene.name, ("where", "printed", "right", "what shows it, computed for this report"), rows)
-    if scene is GRILLO:
-        yield _gaussian_plot()
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows of a document and the table of its errata."""
+        rows = []
+        for erratum in self.errata:
+            values = [number.compute(fmu) for number in erratum.numbers]
+            for number, value in zip(erratum.numbers, values, strict=True):
+                check = number.check(value)
+                yield Check(f"{erratum.where}: {check.name}", *_rest(check))
+            shown = "; ".join(
+                f"{number.name}: {value:.{_digits(number)}g} {number.unit}".strip()
+                for number, value in zip(erratum.numbers, values, strict=True)
+            )
+            rows.append((erratum.where, erratum.printed, erratum.right, shown))
+        yield Table(self.name, ("where", "printed", "right", "what shows it, computed for this report"), rows)
+        if self.picture is not None:
+            yield self.picture()
 
 
 def _rest(check: Check) -> tuple[float, float, str, str]:
@@ -196,7 +198,7 @@ def _bdf2(h: float, n: int) -> tuple[float, float]:
 
 def _euler_growth(fmu: Fmu, h: float) -> float:
     """Return the logarithm of the growth of the amplitude that Euler's method makes in four swings."""
-    run = _swing(fmu, 10.0, 0.03, solver_method=EULER, solver_stepSize=h)
+    run = _swing(fmu, 10.0, 0.03, solver_method=SolverMethod.ExplicitEuler, solver_stepSize=h)
     tops = np.flatnonzero((run["w"][:-1] > 0) & (run["w"][1:] <= 0))
     return log(2 * asin(sqrt(float(run["E"][tops[3]]) / (2 * G81))) / ALPHA)
 
@@ -204,7 +206,7 @@ def _euler_growth(fmu: Fmu, h: float) -> float:
 def _implicit_order(fmu: Fmu) -> float:
     errors = []
     for h in (0.00125, 0.000625):
-        run = _swing(fmu, 2.0, 0.05, solver_method=IMPLICIT_EULER, solver_stepSize=h)
+        run = _swing(fmu, 2.0, 0.05, solver_method=SolverMethod.ImplicitEuler, solver_stepSize=h)
         errors.append(float(np.max(np.abs(run["phi"] - references.libration(run.t, ALPHA, G81)[0]))))
     return log(errors[0] / errors[1]) / log(2)
 
@@ -226,16 +228,18 @@ def _energy_gain(fmu: Fmu, method: int, h: float, stop: float = 10.0, g: float =
 
 def _escape(fmu: Fmu, stop: float) -> float:
     """Return the angle [rad] at `stop` [s] of RK2 with h = 200 ms."""
-    return float(_swing(fmu, stop, 0.2, solver_method=MIDPOINT, solver_stepSize=0.2)["phi"][-1])
+    return float(
+        _swing(fmu, stop, 0.2, solver_method=SolverMethod.ExplicitMidPoint2, solver_stepSize=0.2)["phi"][-1]
+    )
 
 
 def _rk4_error(fmu: Fmu) -> float:
     """Return the largest error over 10 s of RK4 with h = 200 ms, relative to alpha."""
-    run = _swing(fmu, 10.0, 0.2, solver_method=RK4, solver_stepSize=0.2)
+    run = _swing(fmu, 10.0, 0.2, solver_method=SolverMethod.ExplicitRungeKutta4, solver_stepSize=0.2)
     return float(np.max(np.abs(run["phi"] - references.libration(run.t, ALPHA, G81)[0]))) / ALPHA
 
 
-CRAWFORD = Scene(
+CRAWFORD = Document(
     "Crawford, Pendulums and Elliptic Integrals",
     (
         Erratum(
@@ -455,17 +459,17 @@ CRAWFORD = Scene(
                 Number(
                     "energy gain of RK2 in 10 s, h = 1 ms, g = 9.80665",
                     "2.258e-7",
-                    partial(_energy_gain, method=MIDPOINT, h=0.001),
+                    partial(_energy_gain, method=SolverMethod.ExplicitMidPoint2, h=0.001),
                 ),
                 Number(
                     "energy gain of RK2 in 10 s, h = 10 ms",
                     "2.199e-4",
-                    partial(_energy_gain, method=MIDPOINT, h=0.01),
+                    partial(_energy_gain, method=SolverMethod.ExplicitMidPoint2, h=0.01),
                 ),
                 Number(
                     "energy gain of RK2 in 10 s, h = 200 ms, g = 9.81",
                     "3.45",
-                    partial(_energy_gain, method=MIDPOINT, h=0.2, g=G81),
+                    partial(_energy_gain, method=SolverMethod.ExplicitMidPoint2, h=0.2, g=G81),
                 ),
                 Number("phi(40 s), h = 200 ms", "-56", partial(_escape, stop=40.0), "rad"),
                 Number("phi(100 s), h = 200 ms", "-1139", partial(_escape, stop=100.0), "rad"),
@@ -477,7 +481,11 @@ CRAWFORD = Scene(
             "2.7 % of alpha and 3.5 % of the energy are lost in 10 s",
             (
                 Number("largest error of RK4 in 10 s, relative to alpha", "0.0274", _rk4_error),
-                Number("energy change", "-0.0355", partial(_energy_gain, method=RK4, h=0.2, g=G81)),
+                Number(
+                    "energy change",
+                    "-0.0355",
+                    partial(_energy_gain, method=SolverMethod.ExplicitRungeKutta4, h=0.2, g=G81),
+                ),
             ),
         ),
     ),
@@ -605,7 +613,21 @@ def _time_of_printed_peak(_: Fmu) -> float:
     return float(t[np.argmax(printed_pulse(t))])
 
 
-GRILLO = Scene(
+def _gaussian_plot() -> Plot:
+    t = np.linspace(-6, 8, 421)
+    return Plot(
+        "Response to the Gaussian pulse: printed and right",
+        "t [s]",
+        "phi [rad]",
+        [
+            Curve("causal closed form", t.tolist(), _exact_pulse(t).tolist()),
+            Curve("as printed", t.tolist(), printed_pulse(t).tolist(), "--"),
+            Curve("drive/w02", t.tolist(), (AREA * np.exp(-t * t / 2) / W02).tolist(), ":"),
+        ],
+    )
+
+
+GRILLO = Document(
     "Grillo, Exercise: the pendulum",
     (
         Erratum(
@@ -803,21 +825,8 @@ GRILLO = Scene(
             "a form that looks complex can equal the real one",
         ),
     ),
+    _gaussian_plot,
 )
-
-
-def _gaussian_plot() -> Plot:
-    t = np.linspace(-6, 8, 421)
-    return Plot(
-        "Response to the Gaussian pulse: printed and right",
-        "t [s]",
-        "phi [rad]",
-        [
-            Curve("causal closed form", t.tolist(), _exact_pulse(t).tolist()),
-            Curve("as printed", t.tolist(), printed_pulse(t).tolist(), "--"),
-            Curve("drive/w02", t.tolist(), (AREA * np.exp(-t * t / 2) / W02).tolist(), ":"),
-        ],
-    )
 
 
 SCENES = (CRAWFORD, GRILLO)

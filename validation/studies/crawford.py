@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipkm1
 
-from . import references
-from .fmu import EULER, IMPLICIT_EULER, MIDPOINT, RK4, W02, Experiment, Fmu, degrees
-from .metrics import largest
-from .results import Check, Curve, Plot, Result, Table
+from .. import references
+from ..checks import Check, Curve, Plot, Result, Table
+from ..fmu import W02, Experiment, Fmu, SolverMethod, degrees
+from ..metrics import largest
+from .scene import Scene
 
 TITLE = "Crawford's memorandum: elliptic integral and figures 2 to 9"
 FORMULA = (
@@ -60,51 +61,118 @@ WINDOWS = (5.0, 10.0, 20.0)  # ends [s]; the run goes to the step that is neares
 
 
 @dataclass(frozen=True)
-class IntegralScene:
+class IntegralScene(Scene):
     """The complete integral at an amplitude [deg], and the lengths of its series for 1e-6 and 1e-12."""
+
+    TITLE = "K at {0.amplitude:g} deg"
 
     amplitude: float
     lengths: Sequence[int] = ()
-    slow: bool = False
 
-    @property
-    def name(self) -> str:
-        """Name in tables and tests."""
-        return f"K at {self.amplitude:g} deg"
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        amplitude = radians(self.amplitude)
+        k, k1 = sin(amplitude / 2), cos(amplitude / 2)
+        exact = float(ellipkm1(k1 * k1))
+        rounding = EPS / 2 * k * k / (k1 * k1) / exact
+        reason = f"the rounding of k moves K by {rounding:.1e}, as dK/dk is 1/k'^2 at most; and 4 roundings"
+        yield Check(
+            f"{self.name}: AGM (20)",
+            abs(references.complete_by_agm(k) / exact - 1),
+            rounding + 4 * EPS,
+            reason,
+        )
+        descent = references.incomplete_by_descent(pi / 2, k)
+        yield Check(f"{self.name}: descent (18)-(19)", abs(descent / exact - 1), rounding + 4 * EPS, reason)
+        if not self.lengths:
+            return
+        tolerances = (1e-6, 1e-12)[: len(self.lengths)]
+        series = references.period_by_series(amplitude, 1.0, self.lengths[-1]) / 4
+        yield Check(
+            f"{self.name}: series (17), {self.lengths[-1]} terms",
+            abs(series / exact - 1),
+            tolerances[-1] + 4 * EPS,
+            f"that many terms are meant to reach {tolerances[-1]:g}; and 4 roundings",
+        )
+        counts = [references.series_length(amplitude, tolerance) for tolerance in tolerances]
+        yield Check(
+            f"{self.name}: numbers of terms of (17)",
+            max(abs(count - length) for count, length in zip(counts, self.lengths, strict=True)),
+            0,
+            f"integers, {self.lengths} for {tolerances} by 40-digit sums",
+        )
 
 
 @dataclass(frozen=True)
-class DescentScene:
+class DescentScene(Scene):
     """The incomplete integral F(angle, k), and how many descents (18) reach a relative error of 1e-10."""
+
+    TITLE = "F({0.angle:.4g}, {0.k:g}) by (18)-(19)"
 
     angle: float
     k: float
     steps: int
-    slow: bool = False
 
-    @property
-    def name(self) -> str:
-        """Name in tables and tests."""
-        return f"F({self.angle:.4g}, {self.k:g}) by (18)-(19)"
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        m1 = (1 - self.k) * (1 + self.k)
+        exact = references.incomplete(self.angle, m1)
+        yield Check(
+            self.name,
+            abs(references.incomplete_by_descent(self.angle, self.k) / exact - 1),
+            (2 * self.steps + 6) * EPS,
+            "against Carlson's R_F; every descent has positive terms only and adds some two roundings",
+        )
+        yield Check(
+            f"{self.name}, {self.steps} recursions",
+            abs(references.incomplete_by_descent(self.angle, self.k, self.steps) / exact - 1),
+            1e-10,
+            '"10 or more decimal places within only a few recursions"',
+        )
 
 
 @dataclass(frozen=True)
-class SinusoidScene:
+class SinusoidScene(Scene):
     """The motion against a sinusoid of the exact period: amplitude [deg], relative deviation, its last digit."""
+
+    TITLE = "sinusoid with the exact period at {0.amplitude:g} deg"
 
     amplitude: float
     deviation: float
     digit: float
-    slow: bool = False
 
-    @property
-    def name(self) -> str:
-        """Name in tables and tests."""
-        return f"sinusoid with the exact period at {self.amplitude:g} deg"
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        angle = radians(self.amplitude)
+        T = references.period(angle, W02)
+        run = fmu.run(Experiment(T, T / 400, degrees(self.amplitude)))
+        sinusoid = angle * np.cos(2 * pi * run.t / T)
+        yield Check(
+            self.name,
+            abs(float(np.max(np.abs(run["phi"] - sinusoid))) / angle - self.deviation),
+            0.5 * self.digit + (pi / 400) ** 2 / 2 * 9 * self.deviation,
+            f"{self.deviation:g} of alpha, half a unit of its last digit; 400 samples miss the peak of the third "
+            "harmonic by less than the rest",
+        )
+        if self.amplitude in (30, 150):
+            yield Plot(
+                f"Motion from {self.amplitude:g} deg and the sinusoid of the same period",
+                "t [s]",
+                "phi [deg]",
+                [
+                    Curve("FMU, RK4", run.t[::8].tolist(), np.degrees(run["phi"][::8]).tolist(), "", "."),
+                    Curve(
+                        "exact",
+                        run.t.tolist(),
+                        np.degrees(references.libration(run.t, angle, W02)[0]).tolist(),
+                    ),
+                    Curve("sinusoid", run.t.tolist(), np.degrees(sinusoid).tolist(), "--"),
+                ],
+            )
 
 
 @dataclass(frozen=True)
-class FigureScene:
+class FigureScene(Scene):
     """A figure: its method and step [s], and its numbers at the ends of the windows.
 
     `numbers` are, for 5, 10 and 20 s: the largest error [rad] so far against the elliptic solution, the ratio of the
@@ -112,17 +180,59 @@ class FigureScene:
     from runs of an independent implementation in doubles.
     """
 
-    name: str
-    method: int | None  # None: the linear method (28) as printed
+    TITLE = "{0.title}"
+
+    title: str
+    method: SolverMethod | None  # None: the linear method (28) as printed
     step: float
     numbers: Sequence[tuple[float, float, float]]
-    slow: bool = False
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        counts = [round(end / self.step) for end in WINDOWS]
+        t, phi, E = (
+            _linear_backward_euler(self.step, counts[-1]) if self.method is None else _simulate(fmu, self)
+        )
+        exact = references.libration(t, FIGURE_ANGLE, FIGURE_G)[0]
+        measured = []
+        for n in counts:
+            amplitude = 2 * asin(sqrt(E[n] / (2 * FIGURE_G)))
+            measured.append(
+                (
+                    float(np.max(np.abs(phi - exact)[: n + 1])),
+                    amplitude / FIGURE_ANGLE,
+                    float(E[n] / E[0] - 1),
+                )
+            )
+        steepest = float(np.max(np.abs(np.diff(phi)))) / self.step
+        bound = 4 * counts[-1] * EPS + 4 * EPS * WINDOWS[-1] * steepest
+        for i, (what, unit) in enumerate(
+            (("largest error", "rad"), ("amplitude ratio", ""), ("energy change", ""))
+        ):
+            yield Check(
+                f"{self.name}: {what}",
+                largest(
+                    abs(row[i] - expected[i]) for row, expected in zip(measured, self.numbers, strict=True)
+                ),
+                bound,
+                f"at 5, 10, 20 s; 2 runs of {counts[-1]} steps with 2 roundings each, doubled; times to 4 roundings",
+                unit,
+            )
+        yield Table(
+            _title(self),
+            ("t [s]", "largest error [deg]", "amplitude ratio", "energy change [%]"),
+            [
+                (f"{end:g}", float(np.degrees(error)), ratio, 100 * change)
+                for end, (error, ratio, change) in zip(WINDOWS, measured, strict=True)
+            ],
+        )
+        yield _plot(self, t, phi)
 
 
 FIGURES = (
     FigureScene(
         "figure 2, Euler, h = 6 ms",
-        EULER,
+        SolverMethod.ExplicitEuler,
         0.006,
         (
             (0.06912118155260055, 1.1547049963439218, 0.32317375619716193),
@@ -132,7 +242,7 @@ FIGURES = (
     ),
     FigureScene(
         "figure 3, backward Euler, h = 6 ms",
-        IMPLICIT_EULER,
+        SolverMethod.ImplicitEuler,
         0.006,
         (
             (0.06246316474751884, 0.8653662888870629, -0.24681478112333377),
@@ -152,7 +262,7 @@ FIGURES = (
     ),
     FigureScene(
         "figure 4, RK2, h = 30 ms",
-        MIDPOINT,
+        SolverMethod.ExplicitMidPoint2,
         0.03,
         (
             (0.010195064342006538, 1.0015199494126619, 0.002972175703124913),
@@ -162,7 +272,7 @@ FIGURES = (
     ),
     FigureScene(
         "figure 5, RK2, h = 75 ms",
-        MIDPOINT,
+        SolverMethod.ExplicitMidPoint2,
         0.075,
         (
             (0.06286787594300688, 1.024003476454536, 0.047414418245658396),
@@ -172,7 +282,7 @@ FIGURES = (
     ),
     FigureScene(
         "figure 6, RK2, h = 200 ms",
-        MIDPOINT,
+        SolverMethod.ExplicitMidPoint2,
         0.2,
         (
             (0.45050838493334266, 1.5214856941920996, 1.2458934260489607),
@@ -182,7 +292,7 @@ FIGURES = (
     ),
     FigureScene(
         "figure 7, RK4, h = 30 ms",
-        RK4,
+        SolverMethod.ExplicitRungeKutta4,
         0.03,
         (
             (4.290761158876055e-06, 0.9999992558326685, -1.454174832882238e-06),
@@ -192,7 +302,7 @@ FIGURES = (
     ),
     FigureScene(
         "figure 8, RK4, h = 75 ms",
-        RK4,
+        SolverMethod.ExplicitRungeKutta4,
         0.075,
         (
             (0.00016386477057121762, 0.9999281054770405, -0.00014048430835600367),
@@ -202,7 +312,7 @@ FIGURES = (
     ),
     FigureScene(
         "figure 9, RK4, h = 200 ms",
-        RK4,
+        SolverMethod.ExplicitRungeKutta4,
         0.2,
         (
             (0.00812729960178965, 0.9908104219305729, -0.017882431515303332),
@@ -214,17 +324,20 @@ FIGURES = (
 
 
 @dataclass(frozen=True)
-class SummaryScene:
+class TableScene(Scene):
     """The tables of the elliptic integral."""
 
-    name: str = "tables of the elliptic integral"
-    slow: bool = False
+    TITLE = "tables of the elliptic integral"
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the table."""
+        yield _table()
 
 
 SCENES = (
     *(IntegralScene(amplitude, lengths) for amplitude, lengths in SERIES_LENGTHS.items()),
     *(IntegralScene(amplitude) for amplitude in (179.9, 179.99, 179.999)),
-    SummaryScene(),
+    TableScene(),
     DescentScene(pi / 6, 0.5, 3),
     DescentScene(1.0, 0.5, 3),
     DescentScene(1.0, 0.9, 4),
@@ -235,52 +348,6 @@ SCENES = (
     *(SinusoidScene(*row) for row in SINUSOID),
     *FIGURES,
 )
-
-
-def run(
-    fmu: Fmu, scene: IntegralScene | DescentScene | SinusoidScene | FigureScene | SummaryScene
-) -> Iterator[Result]:
-    """Yield the rows of a scene."""
-    if isinstance(scene, IntegralScene):
-        yield from _integral(scene)
-    elif isinstance(scene, DescentScene):
-        yield from _descent(scene)
-    elif isinstance(scene, SinusoidScene):
-        yield from _sinusoid(fmu, scene)
-    elif isinstance(scene, FigureScene):
-        yield from _figure(fmu, scene)
-    else:
-        yield _table()
-
-
-def _integral(scene: IntegralScene) -> Iterator[Check]:
-    amplitude = radians(scene.amplitude)
-    k, k1 = sin(amplitude / 2), cos(amplitude / 2)
-    exact = float(ellipkm1(k1 * k1))
-    rounding = EPS / 2 * k * k / (k1 * k1) / exact
-    reason = f"the rounding of k moves K by {rounding:.1e}, as dK/dk is 1/k'^2 at most; and 4 roundings"
-    yield Check(
-        f"{scene.name}: AGM (20)", abs(references.complete_by_agm(k) / exact - 1), rounding + 4 * EPS, reason
-    )
-    descent = references.incomplete_by_descent(pi / 2, k)
-    yield Check(f"{scene.name}: descent (18)-(19)", abs(descent / exact - 1), rounding + 4 * EPS, reason)
-    if not scene.lengths:
-        return
-    tolerances = (1e-6, 1e-12)[: len(scene.lengths)]
-    series = references.period_by_series(amplitude, 1.0, scene.lengths[-1]) / 4
-    yield Check(
-        f"{scene.name}: series (17), {scene.lengths[-1]} terms",
-        abs(series / exact - 1),
-        tolerances[-1] + 4 * EPS,
-        f"that many terms are meant to reach {tolerances[-1]:g}; and 4 roundings",
-    )
-    counts = [references.series_length(amplitude, tolerance) for tolerance in tolerances]
-    yield Check(
-        f"{scene.name}: numbers of terms of (17)",
-        max(abs(count - length) for count, length in zip(counts, scene.lengths, strict=True)),
-        0,
-        f"integers, {scene.lengths} for {tolerances} by 40-digit sums",
-    )
 
 
 def _table() -> Table:
@@ -297,85 +364,6 @@ def _table() -> Table:
         rows,
         "Near 180 deg (18)-(20) lose digits with the rounding of k; AGM(1, cos(alpha/2)), the column K, does not.",
     )
-
-
-def _descent(scene: DescentScene) -> Iterator[Check]:
-    m1 = (1 - scene.k) * (1 + scene.k)
-    exact = references.incomplete(scene.angle, m1)
-    yield Check(
-        scene.name,
-        abs(references.incomplete_by_descent(scene.angle, scene.k) / exact - 1),
-        (2 * scene.steps + 6) * EPS,
-        "against Carlson's R_F; every descent has positive terms only and adds some two roundings",
-    )
-    yield Check(
-        f"{scene.name}, {scene.steps} recursions",
-        abs(references.incomplete_by_descent(scene.angle, scene.k, scene.steps) / exact - 1),
-        1e-10,
-        '"10 or more decimal places within only a few recursions"',
-    )
-
-
-def _sinusoid(fmu: Fmu, scene: SinusoidScene) -> Iterator[Result]:
-    angle = radians(scene.amplitude)
-    T = references.period(angle, W02)
-    run = fmu.run(Experiment(T, T / 400, degrees(scene.amplitude)))
-    sinusoid = angle * np.cos(2 * pi * run.t / T)
-    yield Check(
-        scene.name,
-        abs(float(np.max(np.abs(run["phi"] - sinusoid))) / angle - scene.deviation),
-        0.5 * scene.digit + (pi / 400) ** 2 / 2 * 9 * scene.deviation,
-        f"{scene.deviation:g} of alpha, half a unit of its last digit; 400 samples miss the peak of the third harmonic "
-        "by less than the rest",
-    )
-    if scene.amplitude in (30, 150):
-        yield Plot(
-            f"Motion from {scene.amplitude:g} deg and the sinusoid of the same period",
-            "t [s]",
-            "phi [deg]",
-            [
-                Curve("FMU, RK4", run.t[::8].tolist(), np.degrees(run["phi"][::8]).tolist(), "", "."),
-                Curve(
-                    "exact", run.t.tolist(), np.degrees(references.libration(run.t, angle, W02)[0]).tolist()
-                ),
-                Curve("sinusoid", run.t.tolist(), np.degrees(sinusoid).tolist(), "--"),
-            ],
-        )
-
-
-def _figure(fmu: Fmu, scene: FigureScene) -> Iterator[Result]:
-    counts = [round(end / scene.step) for end in WINDOWS]
-    t, phi, E = (
-        _linear_backward_euler(scene.step, counts[-1]) if scene.method is None else _simulate(fmu, scene)
-    )
-    exact = references.libration(t, FIGURE_ANGLE, FIGURE_G)[0]
-    measured = []
-    for n in counts:
-        amplitude = 2 * asin(sqrt(E[n] / (2 * FIGURE_G)))
-        measured.append(
-            (float(np.max(np.abs(phi - exact)[: n + 1])), amplitude / FIGURE_ANGLE, float(E[n] / E[0] - 1))
-        )
-    steepest = float(np.max(np.abs(np.diff(phi)))) / scene.step
-    bound = 4 * counts[-1] * EPS + 4 * EPS * WINDOWS[-1] * steepest
-    for i, (what, unit) in enumerate(
-        (("largest error", "rad"), ("amplitude ratio", ""), ("energy change", ""))
-    ):
-        yield Check(
-            f"{scene.name}: {what}",
-            largest(abs(row[i] - expected[i]) for row, expected in zip(measured, scene.numbers, strict=True)),
-            bound,
-            f"at 5, 10, 20 s; 2 runs of {counts[-1]} steps with 2 roundings each, doubled; times to 4 roundings",
-            unit,
-        )
-    yield Table(
-        _title(scene),
-        ("t [s]", "largest error [deg]", "amplitude ratio", "energy change [%]"),
-        [
-            (f"{end:g}", float(np.degrees(error)), ratio, 100 * change)
-            for end, (error, ratio, change) in zip(WINDOWS, measured, strict=True)
-        ],
-    )
-    yield _plot(scene, t, phi)
 
 
 def _simulate(fmu: Fmu, scene: FigureScene) -> tuple[Array, Array, Array]:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipj, ellipk
 
-from . import references
-from .fmu import W0, W02, Experiment, Fmu, Run
-from .metrics import observed_order, phase_and_drift, state_error
-from .results import Check, Curve, Plot, Result
+from .. import references
+from ..checks import Check, Curve, Plot, Result
+from ..fmu import W0, W02, Experiment, Fmu, Run
+from ..metrics import observed_order, phase_and_drift, state_error
+from .scene import Scene
 
 TITLE = "Trajectory against elliptic functions"
 FORMULA = (
@@ -27,7 +28,7 @@ SEPARATRIX = 2 * W0  # rate [rad/s] at the lowest point that ends in the upright
 
 
 @dataclass(frozen=True)
-class Scene:
+class MotionScene(Scene):
     """A start, angle [rad] and rate [rad/s], and how long to follow it [s].
 
     `substep` [s] is that of the run that is judged; two coarser ones with twice and four times of it tell the
@@ -37,27 +38,86 @@ class Scene:
     few periods of moderate amplitude.
     """
 
-    name: str
+    TITLE = "{0.title}"
+
+    title: str
     stop: float
     phi0: float = 0.0
     rate0: float = 0.0
     substep: float = 0.005
     order: bool = False
-    slow: bool = False
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the error of the state and, where it shows, the order."""
+        fine, coarse, coarser = (_simulate(fmu, self, n * self.substep) for n in (1, 2, 4))
+        exact = references.motion(fine.t, self.phi0, self.rate0, W02)
+        error = state_error(fine["phi"], fine["w"], exact)
+        truncation = _truncation(fine, coarse, coarser)
+        floor = _floor(self, exact, fine.t)
+        yield Check(
+            self.name,
+            error,
+            1.5 * truncation + floor,
+            f"1.5 x (h^4 + h^5 error {truncation:.1e}) + round-off as it moves the exact motion {floor:.1e}",
+            "rad",
+        )
+        if self.order:
+            order = observed_order(state_error(coarse["phi"], coarse["w"], exact), error)
+            yield Check(
+                f"order of RK4, {self.name}",
+                abs(order - 4),
+                0.05,
+                f"observed {order:.3f}; n*h*w0 = 0.08, at 10.5 the drift h^5*t^2 cancels h^4*t; changes it by 0.01",
+            )
+        if self.name in PICTURES:
+            yield from _pictures(self, fine, exact)
 
 
 @dataclass(frozen=True)
-class JacobiScene:
+class JacobiScene(Scene):
     """SciPy's ellipj where it fails."""
 
-    name: str = "ellipj near the separatrix"
-    slow: bool = False
+    TITLE = "ellipj near the separatrix"
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Show SciPy's ellipj wrong for m >= 1 - 1e-10, and the remedy right."""
+        amplitude = radians(179.9999)
+        m = float(np.sin(amplitude / 2) ** 2)
+        T = references.period(amplitude, W02)
+        t = np.linspace(0, T, 201)
+        sn = ellipj(ellipk(m) - W0 * t, m)[0]
+        textbook = 2 * np.arcsin(np.clip(np.sqrt(m) * sn, -1, 1))
+        remedy = references.libration(t, amplitude, W02)[0]
+        yield Check(
+            "2*asin(k*sn) with SciPy's ellipj is wrong at 179.9999 deg",
+            float(np.max(np.abs(textbook - remedy))),
+            1.0,
+            "for m >= 1 - 1e-10 ellipj uses a form for u < K that is not periodic: wrong by radians beyond",
+            "rad",
+            at_least=True,
+        )
+        yield Check(
+            "the sums of DLMF 22.11 return to the start there",
+            abs(float(remedy[-1]) - amplitude),
+            4 * ulp(pi),
+            "at the turning point the angle does not depend on the rounding of T; the arctangent and k rounds",
+            "rad",
+        )
+        yield Plot(
+            "Swing from 179.9999 deg",
+            "t [s]",
+            "phi [rad]",
+            [
+                Curve("exact", t.tolist(), remedy.tolist()),
+                Curve("2*asin(k*sn) with SciPy's ellipj", t.tolist(), textbook.tolist(), "--"),
+            ],
+        )
 
 
-def _libration(amplitude: float, periods: float, substep: float = 0.005, order: bool = False) -> Scene:
+def _libration(amplitude: float, periods: float, substep: float = 0.005, order: bool = False) -> MotionScene:
     angle = radians(amplitude)
     stop = STEP * round(periods * references.period(angle, W02) / STEP)
-    return Scene(f"swing from {amplitude:.8g} deg", stop, phi0=angle, substep=substep, order=order)
+    return MotionScene(f"swing from {amplitude:.8g} deg", stop, phi0=angle, substep=substep, order=order)
 
 
 SCENES = (
@@ -68,22 +128,22 @@ SCENES = (
     _libration(-179.9, 3, 0.001),
     *(_libration(amplitude, 2, 0.0005) for amplitude in (179.99, 179.999)),
     _libration(179.9999, 1, 0.00025),
-    Scene("start at 1 rad with 2 rad/s", 12.0, 1.0, 2.0),
-    Scene("start at 1 rad with -2 rad/s", 12.0, 1.0, -2.0),
-    Scene("start at 100 rad with -3 rad/s", 12.0, 100.0, -3.0),
-    Scene("rotation from 7 rad/s", 8.0, rate0=7.0),
-    Scene("rotation from -7 rad/s", 8.0, rate0=-7.0),
-    Scene("rotation from 1 rad, 8 rad/s", 8.0, 1.0, 8.0),
-    Scene("rotation from 20 rad/s", 8.0, rate0=20.0),
+    MotionScene("start at 1 rad with 2 rad/s", 12.0, 1.0, 2.0),
+    MotionScene("start at 1 rad with -2 rad/s", 12.0, 1.0, -2.0),
+    MotionScene("start at 100 rad with -3 rad/s", 12.0, 100.0, -3.0),
+    MotionScene("rotation from 7 rad/s", 8.0, rate0=7.0),
+    MotionScene("rotation from -7 rad/s", 8.0, rate0=-7.0),
+    MotionScene("rotation from 1 rad, 8 rad/s", 8.0, 1.0, 8.0),
+    MotionScene("rotation from 20 rad/s", 8.0, rate0=20.0),
     *(
-        Scene(f"start at {factor:.7g} of the separatrix's rate", 6.0, 0.0, factor * SEPARATRIX, substep)
+        MotionScene(f"start at {factor:.7g} of the separatrix's rate", 6.0, 0.0, factor * SEPARATRIX, substep)
         for distance, substep in ((1e-3, 0.001), (1e-6, 0.0005))
         for factor in (1 + distance, 1 - distance, -1 - distance, -1 + distance)
     ),
-    Scene("on the separatrix, up", 4.0, rate0=SEPARATRIX, substep=0.0005),
-    Scene("on the separatrix, down", 4.0, rate0=-SEPARATRIX, substep=0.0005),
+    MotionScene("on the separatrix, up", 4.0, rate0=SEPARATRIX, substep=0.0005),
+    MotionScene("on the separatrix, down", 4.0, rate0=-SEPARATRIX, substep=0.0005),
     *(
-        Scene(f"rest at {name}", 6.0, phi0=angle, substep=0.0005)
+        MotionScene(f"rest at {name}", 6.0, phi0=angle, substep=0.0005)
         for name, angle in (
             ("pi - 1e-3 rad", pi - 1e-3),
             ("1e-3 rad - pi", 1e-3 - pi),
@@ -96,36 +156,7 @@ SCENES = (
 )
 
 
-def run(fmu: Fmu, scene: Scene | JacobiScene) -> Iterator[Result]:
-    """Yield the rows of a scene."""
-    if isinstance(scene, JacobiScene):
-        yield from _jacobi()
-        return
-    fine, coarse, coarser = (_simulate(fmu, scene, n * scene.substep) for n in (1, 2, 4))
-    exact = references.motion(fine.t, scene.phi0, scene.rate0, W02)
-    error = state_error(fine["phi"], fine["w"], exact)
-    truncation = _truncation(fine, coarse, coarser)
-    floor = _floor(scene, exact, fine.t)
-    yield Check(
-        scene.name,
-        error,
-        1.5 * truncation + floor,
-        f"1.5 x (h^4 + h^5 error {truncation:.1e}) + round-off as it moves the exact motion {floor:.1e}",
-        "rad",
-    )
-    if scene.order:
-        order = observed_order(state_error(coarse["phi"], coarse["w"], exact), error)
-        yield Check(
-            f"order of RK4, {scene.name}",
-            abs(order - 4),
-            0.05,
-            f"observed {order:.3f}; n*h*w0 = 0.08, at 10.5 the drift h^5*t^2 cancels h^4*t; changes it by 0.01",
-        )
-    if scene.name in PICTURES:
-        yield from _pictures(scene, fine, exact)
-
-
-def _simulate(fmu: Fmu, scene: Scene, substep: float) -> Run:
+def _simulate(fmu: Fmu, scene: MotionScene, substep: float) -> Run:
     start = {"gamma": 0.0, "phi_start": scene.phi0, "solver.stepSize": substep}
     start |= {"w_start": scene.rate0} if scene.rate0 else {}
     return fmu.run(Experiment(scene.stop, STEP, start, record=("phi", "w")))
@@ -140,7 +171,7 @@ def _truncation(fine: Run, coarse: Run, coarser: Run) -> float:
     return float(np.sqrt(np.max(total)))
 
 
-def _floor(scene: Scene, exact: references.State, t: NDArray[np.float64]) -> float:
+def _floor(scene: MotionScene, exact: references.State, t: NDArray[np.float64]) -> float:
     """Return the round-off [rad], four standard deviations of random walks, seen through the exact motion.
 
     The angle itself walks by half a unit in the last place a substep. As the start is left, the walk of one e-folding
@@ -162,45 +193,10 @@ def _floor(scene: Scene, exact: references.State, t: NDArray[np.float64]) -> flo
     return floor + state_error(*moved, references.motion(after, 0.0, rate, W02))
 
 
-def _jacobi() -> Iterator[Result]:
-    """Show SciPy's ellipj wrong for m >= 1 - 1e-10, and the remedy right."""
-    amplitude = radians(179.9999)
-    m = float(np.sin(amplitude / 2) ** 2)
-    T = references.period(amplitude, W02)
-    t = np.linspace(0, T, 201)
-    sn = ellipj(ellipk(m) - W0 * t, m)[0]
-    textbook = 2 * np.arcsin(np.clip(np.sqrt(m) * sn, -1, 1))
-    remedy = references.libration(t, amplitude, W02)[0]
-    yield Check(
-        "2*asin(k*sn) with SciPy's ellipj is wrong at 179.9999 deg",
-        float(np.max(np.abs(textbook - remedy))),
-        1.0,
-        "for m >= 1 - 1e-10 ellipj uses a form for u < K that is not periodic: wrong by radians beyond",
-        "rad",
-        at_least=True,
-    )
-    yield Check(
-        "the sums of DLMF 22.11 return to the start there",
-        abs(float(remedy[-1]) - amplitude),
-        4 * ulp(pi),
-        "at the turning point the angle does not depend on the rounding of T; the arctangent and k rounds",
-        "rad",
-    )
-    yield Plot(
-        "Swing from 179.9999 deg",
-        "t [s]",
-        "phi [rad]",
-        [
-            Curve("exact", t.tolist(), remedy.tolist()),
-            Curve("2*asin(k*sn) with SciPy's ellipj", t.tolist(), textbook.tolist(), "--"),
-        ],
-    )
-
-
 PICTURES = ("swing from 179 deg", "rotation from 7 rad/s", "rest at pi - 1e-5 rad")
 
 
-def _pictures(scene: Scene, run: Run, exact: references.State) -> Iterator[Result]:
+def _pictures(scene: MotionScene, run: Run, exact: references.State) -> Iterator[Result]:
     every = max(1, len(run.t) // 60)
     yield Plot(
         scene.name.capitalize(),

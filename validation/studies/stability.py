@@ -5,108 +5,163 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from math import atan2, factorial, hypot, log, pi, radians, sqrt
+from math import atan2, hypot, log, pi, radians, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import references
-from .fmu import EULER, IMPLICIT_EULER, METHOD_NAMES, MIDPOINT, RK4, W0, W02, Experiment, Fmu
-from .metrics import largest
-from .results import Check, Curve, Plot, Result, Table
+from .. import references
+from ..checks import Check, Curve, Plot, Result, Table
+from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
+from ..metrics import largest
+from ..references.methods import METHODS, linear_radius
+from .scene import Case, Scene
 
 TITLE = "Stability"
 FORMULA = "|R(h*lambda)| <= 1, lambda = (-k2 +- sqrt(k2^2 - 4*w02))/2, R(z) = 1 + z + ... + z^p/p!"
 
-EXPLICIT = {EULER: 1, MIDPOINT: 2, RK4: 4}  # the stability function is exp's Taylor polynomial of this degree
+EXPLICIT = (SolverMethod.ExplicitEuler, SolverMethod.ExplicitMidPoint2, SolverMethod.ExplicitRungeKutta4)
 SMALL = 1e-9  # start [rad] for the one-step map: the nonlinearity is a relative SMALL^2/6
 DAMPING_RATES = (0.002, 1.0, 6.26, 50.0, 1e3, 1e6)
 
 
 @dataclass(frozen=True)
-class LimitScene:
+class LimitScene(Scene):
     """The largest stable step of a method at the damping rates `DAMPING_RATES`."""
 
-    method: int
-    slow: bool = False
+    TITLE = "stability limit of {0.method.name}"
 
-    @property
-    def name(self) -> str:
-        """Name in tables and tests."""
-        return f"stability limit of {METHOD_NAMES[self.method]}"
+    method: SolverMethod
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the limit at every damping rate."""
+        method = METHODS[self.method.name]
+        rows = []
+        for k2 in DAMPING_RATES:
+            measured = largest_stable_step(partial(measured_radius, fmu, self.method, k2), k2)
+            expected = largest_stable_step(partial(linear_radius, method, k2, W02), k2)
+            rows.append((k2, measured, expected))
+            yield Check(
+                f"largest stable step of {self.method.name} at k2 = {k2:g}/s",
+                abs(measured / expected - 1),
+                1e-6,
+                f"theory {expected:.9g} s; both bisected to 1e-9, roundings of the map matter most at small damping",
+            )
+        yield Table(
+            f"Largest stable step of {self.method.name}",
+            ("k2 [1/s]", "measured through the FMU [s]", "from |R| <= 1 [s]"),
+            [(f"{k2:g}", f"{measured:.9g}", f"{expected:.9g}") for k2, measured, expected in rows],
+        )
 
 
 @dataclass(frozen=True)
-class MapScene:
+class MapScene(Scene):
     """The stability map of a method in the plane of damping rate and step."""
 
-    method: int
-    slow: bool = False
+    TITLE = "stability map of {0.method.name}"
 
-    @property
-    def name(self) -> str:
-        """Name in tables and tests."""
-        return f"stability map of {METHOD_NAMES[self.method]}"
+    method: SolverMethod
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield how many steps are judged otherwise than by |R|, and the map."""
+        method = METHODS[self.method.name]
+        damping_rates = np.logspace(-2.5, 4, 40)
+        steps = np.logspace(-4, 0.5, 40)
+        radius = np.array([[measured_radius(fmu, self.method, k2, h) for k2 in damping_rates] for h in steps])
+        expected = np.array([[linear_radius(method, k2, W02, h) for k2 in damping_rates] for h in steps])
+        decided = ~(np.abs(expected - 1) <= 1e-12)  # closer to the boundary than that, rounding decides
+        right = np.where(expected > 1, radius > 1, radius <= 1)  # NaN is neither
+        wrong = decided & ~right
+        yield Check(
+            f"stability map of {self.method.name}",
+            int(np.sum(wrong)),
+            0,
+            f"steps judged otherwise than by |R|, of {int(np.sum(decided))}",
+        )
+        fine = np.logspace(-2.5, 4, 200)
+        boundary = [largest_stable_step(partial(linear_radius, method, k2, W02), k2) for k2 in fine]
+        yield Plot(
+            f"Stability of {self.method.name} (grey: unstable, measured through the FMU)",
+            "k2 = gamma/m [1/s]",
+            "h [s]",
+            [Curve("|R(h*lambda)| = 1", fine, boundary)],
+            "xy",
+            y_range=(1e-4, 10**0.5),
+            shade=(damping_rates, steps, radius > 1),
+            headline=True,
+        )
 
 
 @dataclass(frozen=True)
-class GrowthScene:
+class GrowthScene(Scene):
     """Growth and frequency shift per period without damping: (factor, exponent) of the leading terms in z = h*w0."""
 
-    method: int
+    TITLE = "growth per period of {0.method.name}"
+
+    method: SolverMethod
     growth: tuple[float, int]
     shift: tuple[float, int]
-    slow: bool = False
 
-    @property
-    def name(self) -> str:
-        """Name in tables and tests."""
-        return f"growth per period of {METHOD_NAMES[self.method]}"
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        for z in (0.05, 0.1, 0.2):
+            matrix = one_step_map(fmu, self.method, 0.0, z / W0)
+            angle = atan2(sqrt(-matrix[0, 1] * matrix[1, 0]), (matrix[0, 0] + matrix[1, 1]) / 2)
+            for what, measured, (factor, power) in (
+                ("ln of the amplitude factor", 2 * pi / angle * log(spectral_radius(matrix)), self.growth),
+                ("relative frequency shift", angle / z - 1, self.shift),
+            ):
+                predicted = factor * z**power
+                # Rounding of the map shows in log and angle, a period has 2*pi/z of them.
+                bound = 2 * z * z + 4e-16 * 2 * pi / z / abs(predicted)
+                yield Check(
+                    f"{what} per period, {self.method.name}, h*w0 = {z:g}",
+                    abs(measured / predicted - 1),
+                    bound,
+                    f"{predicted:.4e} in theory; the next term is a relative z^2 with a factor below 2, and rounding",
+                )
 
 
 @dataclass(frozen=True)
-class DriftScene:
+class DriftScene(Scene):
     """Energy drift per period of large undamped swings; `h` [s] is rounded so that it divides the period."""
 
-    method: int
-    power: int
+    TITLE = "energy drift of {0.method.name}"
+
+    method: SolverMethod
     h: float
     next_term: Callable[[float], float]
-    slow: bool = False
 
-    @property
-    def name(self) -> str:
-        """Name in tables and tests."""
-        return f"energy drift of {METHOD_NAMES[self.method]}"
-
-
-@dataclass(frozen=True)
-class TrapScene:
-    """A trap of the nonlinear pendulum, by the name of its function below."""
-
-    name: str
-    run: Callable[[Fmu], Iterator[Result]]
-    slow: bool = False
-
-
-def run(fmu: Fmu, scene: LimitScene | MapScene | GrowthScene | DriftScene | TrapScene) -> Iterator[Result]:
-    """Yield the rows of a scene."""
-    if isinstance(scene, LimitScene):
-        yield from _limits(fmu, scene.method)
-    elif isinstance(scene, MapScene):
-        yield from _map(fmu, scene.method)
-    elif isinstance(scene, GrowthScene):
-        yield from _growth(fmu, scene)
-    elif isinstance(scene, DriftScene):
-        yield from _drift(fmu, scene)
-    else:
-        yield from scene.run(fmu)
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        method = METHODS[self.method.name]
+        for angle in (30, 90, 150):
+            amplitude = radians(angle)
+            T = references.period(amplitude, W02)
+            n = round(T / self.h)
+            h = T / n
+            start = {
+                "gamma": 0.0,
+                "phi_start": amplitude,
+                "solver.method": self.method,
+                "solver.stepSize": h,
+            }
+            energy = fmu.run(Experiment(T, T, start, record=("E",)))["E"]
+            # The trapezoidal rule over a whole period converges exponentially.
+            orbit = references.libration(np.arange(400) * T / 400, amplitude, W02)
+            predicted = T * method.energy_drift(h, orbit, W02)
+            yield Check(
+                f"energy drift per period of {self.method.name} at {angle} deg",
+                abs((energy[-1] - energy[0]) / predicted - 1),
+                self.next_term(h * W0),
+                f"{predicted / energy[0]:.4e} of E in theory; the next term bounds it, h*w0 = {h * W0:.3g}",
+            )
 
 
 # The one-step map
 
 
-def one_step_map(fmu: Fmu, method: int, k2: float, h: float) -> NDArray[np.float64]:
+def one_step_map(fmu: Fmu, method: SolverMethod, k2: float, h: float) -> NDArray[np.float64]:
     """Return the matrix of one step of small motions in (phi, w/w0), measured from two starts."""
     columns = []
     for phi, w in ((SMALL, 0.0), (0.0, SMALL * W0)):
@@ -126,18 +181,9 @@ def spectral_radius(matrix: NDArray[np.float64]) -> float:
     return float(abs(half_trace) + sqrt(discriminant))
 
 
-def measured_radius(fmu: Fmu, method: int, k2: float, h: float) -> float:
+def measured_radius(fmu: Fmu, method: SolverMethod, k2: float, h: float) -> float:
     """Return the spectral radius of one step of small motions."""
     return spectral_radius(one_step_map(fmu, method, k2, h))
-
-
-def theoretical_radius(degree: int, k2: float, h: float) -> float:
-    """Return max |R(h*lambda)| of a method whose stability function has the degree `degree`."""
-    root = np.sqrt(complex(k2 * k2 - 4 * W02))
-    return max(
-        float(abs(sum((h * eigenvalue) ** n / factorial(n) for n in range(degree + 1))))
-        for eigenvalue in ((-k2 + root) / 2, (-k2 - root) / 2)
-    )
 
 
 def largest_stable_step(radius: Callable[[float], float], k2: float) -> float:
@@ -151,117 +197,6 @@ def largest_stable_step(radius: Callable[[float], float], k2: float) -> float:
         else:
             unstable = middle
     return stable
-
-
-def _limits(fmu: Fmu, method: int) -> Iterator[Result]:
-    degree = EXPLICIT[method]
-    rows = []
-    for k2 in DAMPING_RATES:
-        measured = largest_stable_step(partial(measured_radius, fmu, method, k2), k2)
-        expected = largest_stable_step(partial(theoretical_radius, degree, k2), k2)
-        rows.append((k2, measured, expected))
-        yield Check(
-            f"largest stable step of {METHOD_NAMES[method]} at k2 = {k2:g}/s",
-            abs(measured / expected - 1),
-            1e-6,
-            f"theory {expected:.9g} s; both bisected to 1e-9, roundings of the map matter most at small damping",
-        )
-    yield Table(
-        f"Largest stable step of {METHOD_NAMES[method]}",
-        ("k2 [1/s]", "measured through the FMU [s]", "from |R| <= 1 [s]"),
-        [(f"{k2:g}", f"{measured:.9g}", f"{expected:.9g}") for k2, measured, expected in rows],
-    )
-
-
-def _map(fmu: Fmu, method: int) -> Iterator[Result]:
-    degree = EXPLICIT[method]
-    damping_rates = np.logspace(-2.5, 4, 40)
-    steps = np.logspace(-4, 0.5, 40)
-    radius = np.array([[measured_radius(fmu, method, k2, h) for k2 in damping_rates] for h in steps])
-    expected = np.array([[theoretical_radius(degree, k2, h) for k2 in damping_rates] for h in steps])
-    decided = ~(np.abs(expected - 1) <= 1e-12)  # closer to the boundary than that, rounding decides
-    right = np.where(expected > 1, radius > 1, radius <= 1)  # NaN is neither
-    wrong = decided & ~right
-    yield Check(
-        f"stability map of {METHOD_NAMES[method]}",
-        int(np.sum(wrong)),
-        0,
-        f"steps judged otherwise than by |R|, of {int(np.sum(decided))}",
-    )
-    fine = np.logspace(-2.5, 4, 200)
-    boundary = [largest_stable_step(partial(theoretical_radius, degree, k2), k2) for k2 in fine]
-    yield Plot(
-        f"Stability of {METHOD_NAMES[method]} (grey: unstable, measured through the FMU)",
-        "k2 = gamma/m [1/s]",
-        "h [s]",
-        [Curve("|R(h*lambda)| = 1", fine, boundary)],
-        "xy",
-        y_range=(1e-4, 10**0.5),
-        shade=(damping_rates, steps, radius > 1),
-        headline=True,
-    )
-
-
-def _growth(fmu: Fmu, scene: GrowthScene) -> Iterator[Result]:
-    for z in (0.05, 0.1, 0.2):
-        matrix = one_step_map(fmu, scene.method, 0.0, z / W0)
-        angle = atan2(sqrt(-matrix[0, 1] * matrix[1, 0]), (matrix[0, 0] + matrix[1, 1]) / 2)
-        for what, measured, (factor, power) in (
-            ("ln of the amplitude factor", 2 * pi / angle * log(spectral_radius(matrix)), scene.growth),
-            ("relative frequency shift", angle / z - 1, scene.shift),
-        ):
-            predicted = factor * z**power
-            # Rounding of the map shows in log and angle, a period has 2*pi/z of them.
-            bound = 2 * z * z + 4e-16 * 2 * pi / z / abs(predicted)
-            yield Check(
-                f"{what} per period, {METHOD_NAMES[scene.method]}, h*w0 = {z:g}",
-                abs(measured / predicted - 1),
-                bound,
-                f"{predicted:.4e} in theory; the next term is a relative z^2 with a factor below 2, and rounding",
-            )
-
-
-# Energy drift per step divided by h^power, from the modified equations; p = w, q = phi.
-DRIFTS: dict[int, Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]] = {
-    EULER: lambda q, p: W02 * (p**2 * np.cos(q) + W02 * np.sin(q) ** 2) / 2,
-    MIDPOINT: lambda q, p: (
-        W02**2 * (2 * p**2 * np.cos(q) ** 2 + (p**2 + 2 * W02 * np.cos(q)) * np.sin(q) ** 2) / 16
-    ),
-    RK4: lambda q, p: (
-        W02**2
-        * (
-            -(p**4)
-            + p**2 * W02 * np.cos(q) ** 3
-            - 5 * p**2 * W02 * np.cos(q)
-            + 4 * W02**2 * (np.cos(q) ** 4 - np.cos(q) ** 2)
-        )
-        / 576
-    ),
-}
-
-
-def _drift(fmu: Fmu, scene: DriftScene) -> Iterator[Result]:
-    for angle in (30, 90, 150):
-        amplitude = radians(angle)
-        T = references.period(amplitude, W02)
-        n = round(T / scene.h)
-        h = T / n
-        start = {
-            "gamma": 0.0,
-            "phi_start": amplitude,
-            "solver.method": scene.method,
-            "solver.stepSize": h,
-        }
-        energy = fmu.run(Experiment(T, T, start, record=("E",)))["E"]
-        # The trapezoidal rule over a whole period converges exponentially.
-        orbit = references.libration(np.arange(400) * T / 400, amplitude, W02)
-        predicted = h**scene.power * T * float(np.mean(DRIFTS[scene.method](*orbit)))
-        yield Check(
-            f"energy drift per period of {METHOD_NAMES[scene.method]} at {angle} deg",
-            abs((energy[-1] - energy[0]) / predicted - 1),
-            scene.next_term(h * W0),
-            f"{predicted / energy[0]:.4e} of E in theory; the next term bounds it, h*w0 = {h * W0:.3g}",
-        )
 
 
 # Traps
@@ -285,7 +220,7 @@ def _limit_cycle(fmu: Fmu) -> Iterator[Result]:
         start = {
             "gamma": k2,
             "phi_start": amplitude / 2,
-            "solver.method": EULER,
+            "solver.method": SolverMethod.ExplicitEuler,
             "solver.stepSize": h,
         }
         # The amplitude settles at a rate of at least a tenth of k2, so this leaves e^-10.
@@ -302,7 +237,7 @@ def _permanent_spin(fmu: Fmu) -> Iterator[Result]:
     """Show that ExplicitEuler turns a small swing into a spin for ever, at a rate that looks plausible."""
     for h in (1e-3, 1e-2):
         expected = W02 * sqrt(h / (2 * 0.002))
-        start = {"phi_start": 1e-3, "solver.method": EULER, "solver.stepSize": h}
+        start = {"phi_start": 1e-3, "solver.method": SolverMethod.ExplicitEuler, "solver.stepSize": h}
         # The small swing grows at w02*h - k2 over two, the spin then settles at k2.
         turning = settled(fmu, start, 9000.0)
         w = fmu.run(Experiment(50.0, 0.01, turning, record=("w",)))["w"]
@@ -361,7 +296,12 @@ def _several_roots(fmu: Fmu) -> Iterator[Result]:
             f"x + s*sin(x) = c with s = {s:.4g}, c = {c:.4g} has {expected} roots",
         )
     for h in (0.6, 2.0):
-        start = {"gamma": 0.0, "phi_start": 2.0, "solver.method": IMPLICIT_EULER, "solver.stepSize": h}
+        start = {
+            "gamma": 0.0,
+            "phi_start": 2.0,
+            "solver.method": SolverMethod.ImplicitEuler,
+            "solver.stepSize": h,
+        }
         phi = fmu.run(Experiment(200 * h, h, start))["phi"]
         yield Check(
             f"ImplicitEuler with solver.stepSize = {h:g} s stays in the well",
@@ -374,7 +314,7 @@ def _several_roots(fmu: Fmu) -> Iterator[Result]:
         start = {
             "gamma": 0.0,
             "phi_start": pi - 1e-3,
-            "solver.method": IMPLICIT_EULER,
+            "solver.method": SolverMethod.ImplicitEuler,
             "solver.stepSize": h,
         }
         phi = fmu.run(Experiment(100.0, h, start))["phi"]
@@ -389,25 +329,27 @@ def _several_roots(fmu: Fmu) -> Iterator[Result]:
 
 def _implicit_is_stable(fmu: Fmu) -> Iterator[Result]:
     worst = largest(
-        measured_radius(fmu, IMPLICIT_EULER, k2, h) for k2 in (0.0, *DAMPING_RATES) for h in (1e-3, 1.0, 1e3)
+        measured_radius(fmu, SolverMethod.ImplicitEuler, k2, h)
+        for k2 in (0.0, *DAMPING_RATES)
+        for h in (1e-3, 1.0, 1e3)
     )
     yield Check("spectral radius of ImplicitEuler", worst, 1.0, "|R| = 1/|1 - h*lambda| < 1 for every step")
 
 
 SCENES = (
     *(LimitScene(method) for method in EXPLICIT),
-    TrapScene("ImplicitEuler has no limit", _implicit_is_stable),
+    Case("ImplicitEuler has no limit", _implicit_is_stable),
     *(MapScene(method) for method in EXPLICIT),
-    GrowthScene(EULER, (pi, 1), (-1 / 3, 2)),
-    GrowthScene(IMPLICIT_EULER, (-pi, 1), (-1 / 3, 2)),
-    GrowthScene(MIDPOINT, (pi / 4, 3), (1 / 6, 2)),
-    GrowthScene(RK4, (-pi / 72, 5), (-1 / 120, 4)),
-    DriftScene(EULER, 1, 1e-4, lambda z: pi * z),
-    DriftScene(MIDPOINT, 3, 5e-3, lambda z: z * z),
-    DriftScene(RK4, 5, 0.02, lambda z: z * z),
-    TrapScene("spurious limit cycle", _limit_cycle),
-    TrapScene("permanent spin", _permanent_spin),
-    TrapScene("escape from the well", _escape),
-    TrapScene("stiff drag at large angles", _stiff_amplitude),
-    TrapScene("several roots", _several_roots),
+    GrowthScene(SolverMethod.ExplicitEuler, (pi, 1), (-1 / 3, 2)),
+    GrowthScene(SolverMethod.ImplicitEuler, (-pi, 1), (-1 / 3, 2)),
+    GrowthScene(SolverMethod.ExplicitMidPoint2, (pi / 4, 3), (1 / 6, 2)),
+    GrowthScene(SolverMethod.ExplicitRungeKutta4, (-pi / 72, 5), (-1 / 120, 4)),
+    DriftScene(SolverMethod.ExplicitEuler, 1e-4, lambda z: pi * z),
+    DriftScene(SolverMethod.ExplicitMidPoint2, 5e-3, lambda z: z * z),
+    DriftScene(SolverMethod.ExplicitRungeKutta4, 0.02, lambda z: z * z),
+    Case("spurious limit cycle", _limit_cycle),
+    Case("permanent spin", _permanent_spin),
+    Case("escape from the well", _escape),
+    Case("stiff drag at large angles", _stiff_amplitude),
+    Case("several roots", _several_roots),
 )

@@ -9,11 +9,12 @@ from math import ceil, exp, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from . import references
-from .fmu import W0, W02, Experiment, Fmu, Run
+from .. import references
+from ..checks import Check, Curve, Plot, Result, Table
+from ..fmu import W0, W02, Experiment, Fmu, Run
+from ..metrics import largest, observed_order
 from .impulse_response import SUBSTEP, truncation
-from .metrics import largest, observed_order
-from .results import Check, Curve, Plot, Result, Table
+from .scene import Scene
 
 TITLE = "Grillo's exercise: frequency response, free evolution, Gaussian pulse"
 FORMULA = "h(w) = 1/(w02 - w^2 + i*k2*w); held input: h(w)*sinc(w*H/2)*exp(-i*w*H/2)"
@@ -38,40 +39,98 @@ CUT_PULSE_AT_1 = 0.070555779097875582  # the same pulse from rest at t = 0, at t
 
 
 @dataclass(frozen=True)
-class FrequencyScene:
+class FrequencyScene(Scene):
     """Sinusoidal torque at several angular frequencies [rad/s].
 
     The transient lasts as long as 2/k2. With `wait` [s] it is waited for from rest; without, the start is on the exact
     periodic solution, and the motion must stay there.
     """
 
-    name: str
+    TITLE = "{0.title}"
+
+    title: str
     k2: float
     frequencies: Sequence[float]
     wait: float = 0.0
-    slow: bool = False
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        measured, sharp = [], []
+        for w in self.frequencies:
+            period = 2 * pi / w
+            samples = max(64, ceil(period / 0.02))  # of a period
+            H = period / samples
+            sampled = measured_response(fmu, self, w, samples)
+            measured.append(sampled / references.hold(w, H))
+            exact = complex(references.frequency_response(w, self.k2, W02))
+            ratio = measured[-1] / exact
+            held, _ = references.held_frequency_response(w, H, self.k2, W02)
+            images = abs(held / references.hold(w, H) / exact - 1)
+            floor = 1.5 * _forced_truncation(w, H, self) + rounding(self.wait + 2 * period)
+            sharp.append((abs(sampled / held - 1) / floor, w, floor))
+            reason = f"1.5 x images of the held sinusoid, closed form, {images:.1e}; h^4 error, round-off {floor:.1e}"
+            name = f"w = {w:.9g} rad/s, {self.name}"
+            bound = 1.5 * images + floor
+            yield Check(f"amplitude at {name}", abs(abs(ratio) - 1), bound, f"relative; {reason}")
+            yield Check(f"phase at {name}", abs(float(np.angle(ratio))), bound, reason, "rad")
+        worst, w, floor = sharp[int(np.argmax([row[0] for row in sharp]))]  # NaN counts as the largest
+        yield Check(
+            f"images included, worst at w = {w:.9g} rad/s, {self.name}",
+            worst * floor,
+            floor,
+            "complex amplitude, relative to (exp(i*w*H) - A)^-1*b; 1.5 x h^4 error + round-off",
+        )
+        yield from _bode(self, np.array(measured))
 
 
 @dataclass(frozen=True)
-class FreeScene:
+class FreeScene(Scene):
     """Free evolution from an angle and a rate, in units of SMALL [rad] and SMALL*w0."""
 
-    name: str
+    TITLE = "{0.title}"
+
+    title: str
     k2: float
     stop: float
     phi0: float
     rate0: float
-    slow: bool = False
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        phi0, rate0 = self.phi0, self.rate0 * W0
+        run = fmu.run(
+            Experiment(
+                self.stop,
+                0.05,
+                {"phi_start": SMALL * phi0, "w_start": SMALL * rate0, "gamma": self.k2},
+                record=("phi", "w"),
+            )
+        )
+        exact = references.free_evolution(run.t, phi0, rate0, self.k2, W02)
+        peak = float(np.max(np.hypot(exact[0], exact[1] / W0)))
+        error = np.hypot(run["phi"] / SMALL - exact[0], (run["w"] / SMALL - exact[1]) / W0)
+        # The rate is the free evolution whose angle is the rate.
+        swing = references.free_evolution(run.t, rate0, -self.k2 * rate0 - W02 * phi0, self.k2, W02)
+        growth = np.hypot(truncation(exact, self.k2, W02), truncation(swing, self.k2, W02) / W0)
+        expected = float(np.max(run.t * growth)) / peak
+        yield Check(
+            self.name,
+            float(np.max(error)) / peak,
+            1.5 * expected + rounding(self.stop),
+            f"angle and rate/w0, relative to the peak; 1.5 x t*h^4*A^5/120 = {expected:.1e}, and round-off",
+        )
 
 
 @dataclass(frozen=True)
-class HoldScene:
+class HoldScene(Scene):
     """A drive u(t) with its rate, from rest at `begin`, held over ever shorter communication steps [s].
 
     `response` is the exact response to the drive itself.
     """
 
-    name: str
+    TITLE = "{0.title}"
+
+    title: str
     k2: float
     stop: float
     drive: Callable[[float], float]
@@ -79,15 +138,94 @@ class HoldScene:
     response: Callable[[Array], references.State]
     begin: float = 0.0
     steps: Sequence[float] = (0.05, 0.025, 0.0125)
-    slow: bool = False
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        early: list[float] = []
+        middle: list[float] = []
+        for H in self.steps:
+            for fraction, errors in ((0.0, early), (0.5, middle)):
+                run = _drive(fmu, self, H, fraction)
+                phi = run["phi"] / SMALL
+                errors.append(float(np.max(np.abs(phi - self.response(run.t)[0]))))
+        begin, centre = _hold_errors(self, self.steps[-1])
+        peak = float(np.max(np.abs(self.response(run.t)[0])))
+        yield from _against_held(self, run, peak)
+        next_term = self.steps[-2] * _sharpness(self, run.t)
+        yield Check(
+            f"{self.name}: order in H, sampled when the step begins",
+            abs(observed_order(early[-2], early[-1]) - 1),
+            next_term,
+            "theory 1: the held input lags by H/2; the next term is H*max|phi''|/max|phi'| of it, or less",
+        )
+        yield Check(
+            f"{self.name}: order in H, sampled in the middle of the step",
+            abs(observed_order(middle[-2], middle[-1]) - 2),
+            next_term,
+            "theory 2: the lag is gone; the next term as before",
+        )
+        yield Check(
+            f"{self.name}: lag of the input, H = {self.steps[-1]:g} s",
+            abs(early[-1] / begin - 1),
+            next_term,
+            f"H/2*max|phi' - u(0)*h| = {begin:.3e} s2; the next term as before",
+        )
+        yield Check(
+            f"{self.name}: in the middle, H = {self.steps[-1]:g} s",
+            abs(middle[-1] / centre - 1),
+            next_term + _drive_floor(self, run, peak) / centre,
+            f"H^2/24*max|phi'' - u(0)*h' + u'(0)*h| = {centre:.3e} s2; the next term as before, h^4 error, round-off",
+        )
+        yield Table(
+            f"Largest error relative to the peak, {self.name}",
+            ("H [s]", "sampled when the step begins", "sampled in the middle"),
+            [(H, a / peak, b / peak) for H, a, b in zip(self.steps, early, middle, strict=True)],
+        )
+        yield _hold_plot(self, run)
 
 
 @dataclass(frozen=True)
-class DocumentScene:
+class DocumentScene(Scene):
     """The pulse of the document, with its numbers."""
 
-    name: str = "Gaussian pulse of the document"
-    slow: bool = False
+    TITLE = "Gaussian pulse of the document"
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the pulse of the document, A*exp(-t^2/2), from 9 s before its peak, and cut at it."""
+        H, area = 0.01, 1 / sqrt(2 * pi)
+
+        def pulse(t: float) -> float:
+            return SMALL * area * exp(-((t + H / 2) ** 2) / 2)
+
+        for begin, name, stop, expected in (
+            (-9.0, "from minus infinity", 50.0, DOCUMENT_PULSE),
+            (0.0, "cut at its peak", 10.0, {1: CUT_PULSE_AT_1}),
+        ):
+            run = fmu.run(Experiment(stop, H, {"phi_start": 0.0}, torque=pulse, begin=begin))
+            phi = run["phi"] / SMALL
+            start = None if begin < 0 else begin
+            exact, rate = references.gaussian_response(run.t, area, 0.0, 1.0, DOCUMENT_K2, W02, start)
+            curvature = area * np.exp(-(run.t**2) / 2) - DOCUMENT_K2 * rate - W02 * exact
+            if begin == 0:
+                curvature -= area * references.impulse_response(run.t, DOCUMENT_K2, W02)[1]
+            holding = H * H / 24 * float(np.max(np.abs(curvature)))
+            yield Check(
+                f"document's pulse {name}, at t = {', '.join(map(str, expected))} s",
+                largest(abs(phi[round((t - begin) / H)] - value) for t, value in expected.items()),
+                1.05 * holding,
+                f"numbers of 15 digits; 1.05 x H^2/24*max|phi''| = {holding:.1e} of the input held from the middle",
+                "rad",
+            )
+            shown = run.t <= 10
+            yield Plot(
+                f"Gaussian pulse of the document, {name}",
+                "t [s]",
+                "phi [rad]",
+                [
+                    Curve("FMU, RK4", run.t[shown][::20].tolist(), phi[shown][::20].tolist(), "", "."),
+                    Curve("causal closed form", run.t[shown].tolist(), exact[shown].tolist()),
+                ],
+            )
 
 
 def _gaussian(name: str, k2: float, center: float, sigma: float, stop: float, cut: bool = False) -> HoldScene:
@@ -159,53 +297,12 @@ SCENES = (
 )
 
 
-def run(fmu: Fmu, scene: FrequencyScene | FreeScene | HoldScene | DocumentScene) -> Iterator[Result]:
-    """Yield the rows of a scene."""
-    if isinstance(scene, FrequencyScene):
-        yield from _frequencies(fmu, scene)
-    elif isinstance(scene, FreeScene):
-        yield from _free(fmu, scene)
-    elif isinstance(scene, HoldScene):
-        yield from _hold(fmu, scene)
-    else:
-        yield from _document(fmu)
-
-
 def rounding(stop: float) -> float:
     """Return the relative round-off of a run: a random walk of one rounding a substep, taken fourfold."""
     return 4 * 1.1e-16 * sqrt(stop / SUBSTEP)
 
 
 # Frequency response
-
-
-def _frequencies(fmu: Fmu, scene: FrequencyScene) -> Iterator[Result]:
-    measured, sharp = [], []
-    for w in scene.frequencies:
-        period = 2 * pi / w
-        samples = max(64, ceil(period / 0.02))  # of a period
-        H = period / samples
-        sampled = measured_response(fmu, scene, w, samples)
-        measured.append(sampled / references.hold(w, H))
-        exact = complex(references.frequency_response(w, scene.k2, W02))
-        ratio = measured[-1] / exact
-        held, _ = references.held_frequency_response(w, H, scene.k2, W02)
-        images = abs(held / references.hold(w, H) / exact - 1)
-        floor = 1.5 * _forced_truncation(w, H, scene) + rounding(scene.wait + 2 * period)
-        sharp.append((abs(sampled / held - 1) / floor, w, floor))
-        reason = f"1.5 x images of the held sinusoid, in closed form, {images:.1e}; h^4 error, round-off {floor:.1e}"
-        name = f"w = {w:.9g} rad/s, {scene.name}"
-        bound = 1.5 * images + floor
-        yield Check(f"amplitude at {name}", abs(abs(ratio) - 1), bound, f"relative; {reason}")
-        yield Check(f"phase at {name}", abs(float(np.angle(ratio))), bound, reason, "rad")
-    worst, w, floor = sharp[int(np.argmax([row[0] for row in sharp]))]  # NaN counts as the largest
-    yield Check(
-        f"images included, worst at w = {w:.9g} rad/s, {scene.name}",
-        worst * floor,
-        floor,
-        "complex amplitude, relative to (exp(i*w*H) - A)^-1*b; 1.5 x h^4 error + round-off",
-    )
-    yield from _bode(scene, np.array(measured))
 
 
 def measured_response(fmu: Fmu, scene: FrequencyScene, w: float, samples: int) -> complex:
@@ -276,76 +373,7 @@ def _bode(scene: FrequencyScene, measured: NDArray[np.complex128]) -> Iterator[P
 # Free evolution
 
 
-def _free(fmu: Fmu, scene: FreeScene) -> Iterator[Result]:
-    phi0, rate0 = scene.phi0, scene.rate0 * W0
-    run = fmu.run(
-        Experiment(
-            scene.stop,
-            0.05,
-            {"phi_start": SMALL * phi0, "w_start": SMALL * rate0, "gamma": scene.k2},
-            record=("phi", "w"),
-        )
-    )
-    exact = references.free_evolution(run.t, phi0, rate0, scene.k2, W02)
-    peak = float(np.max(np.hypot(exact[0], exact[1] / W0)))
-    error = np.hypot(run["phi"] / SMALL - exact[0], (run["w"] / SMALL - exact[1]) / W0)
-    # The rate is the free evolution whose angle is the rate.
-    swing = references.free_evolution(run.t, rate0, -scene.k2 * rate0 - W02 * phi0, scene.k2, W02)
-    growth = np.hypot(truncation(exact, scene.k2, W02), truncation(swing, scene.k2, W02) / W0)
-    expected = float(np.max(run.t * growth)) / peak
-    yield Check(
-        scene.name,
-        float(np.max(error)) / peak,
-        1.5 * expected + rounding(scene.stop),
-        f"angle and rate/w0, relative to the peak; 1.5 x t*h^4*A^5/120 = {expected:.1e}, and round-off",
-    )
-
-
 # Held inputs
-
-
-def _hold(fmu: Fmu, scene: HoldScene) -> Iterator[Result]:
-    early: list[float] = []
-    middle: list[float] = []
-    for H in scene.steps:
-        for fraction, errors in ((0.0, early), (0.5, middle)):
-            run = _drive(fmu, scene, H, fraction)
-            phi = run["phi"] / SMALL
-            errors.append(float(np.max(np.abs(phi - scene.response(run.t)[0]))))
-    begin, centre = _hold_errors(scene, scene.steps[-1])
-    peak = float(np.max(np.abs(scene.response(run.t)[0])))
-    yield from _against_held(scene, run, peak)
-    next_term = scene.steps[-2] * _sharpness(scene, run.t)
-    yield Check(
-        f"{scene.name}: order in H, sampled when the step begins",
-        abs(observed_order(early[-2], early[-1]) - 1),
-        next_term,
-        "theory 1: the held input lags by H/2; the next term is H*max|phi''|/max|phi'| of it, or less",
-    )
-    yield Check(
-        f"{scene.name}: order in H, sampled in the middle of the step",
-        abs(observed_order(middle[-2], middle[-1]) - 2),
-        next_term,
-        "theory 2: the lag is gone; the next term as before",
-    )
-    yield Check(
-        f"{scene.name}: lag of the input, H = {scene.steps[-1]:g} s",
-        abs(early[-1] / begin - 1),
-        next_term,
-        f"H/2*max|phi' - u(0)*h| = {begin:.3e} s2; the next term as before",
-    )
-    yield Check(
-        f"{scene.name}: in the middle, H = {scene.steps[-1]:g} s",
-        abs(middle[-1] / centre - 1),
-        next_term + _drive_floor(scene, run, peak) / centre,
-        f"H^2/24*max|phi'' - u(0)*h' + u'(0)*h| = {centre:.3e} s2; the next term as before, h^4 error, round-off",
-    )
-    yield Table(
-        f"Largest error relative to the peak, {scene.name}",
-        ("H [s]", "sampled when the step begins", "sampled in the middle"),
-        [(H, a / peak, b / peak) for H, a, b in zip(scene.steps, early, middle, strict=True)],
-    )
-    yield _hold_plot(scene, run)
 
 
 def _drive(fmu: Fmu, scene: HoldScene, H: float, fraction: float) -> Run:
@@ -418,41 +446,3 @@ def _hold_plot(scene: HoldScene, run: Run) -> Plot:
             Curve("drive/w02", run.t.tolist(), u.tolist(), ":"),
         ],
     )
-
-
-def _document(fmu: Fmu) -> Iterator[Result]:
-    """Yield the pulse of the document, A*exp(-t^2/2), from 9 s before its peak, and cut at it."""
-    H, area = 0.01, 1 / sqrt(2 * pi)
-
-    def pulse(t: float) -> float:
-        return SMALL * area * exp(-((t + H / 2) ** 2) / 2)
-
-    for begin, name, stop, expected in (
-        (-9.0, "from minus infinity", 50.0, DOCUMENT_PULSE),
-        (0.0, "cut at its peak", 10.0, {1: CUT_PULSE_AT_1}),
-    ):
-        run = fmu.run(Experiment(stop, H, {"phi_start": 0.0}, torque=pulse, begin=begin))
-        phi = run["phi"] / SMALL
-        start = None if begin < 0 else begin
-        exact, rate = references.gaussian_response(run.t, area, 0.0, 1.0, DOCUMENT_K2, W02, start)
-        curvature = area * np.exp(-(run.t**2) / 2) - DOCUMENT_K2 * rate - W02 * exact
-        if begin == 0:
-            curvature -= area * references.impulse_response(run.t, DOCUMENT_K2, W02)[1]
-        holding = H * H / 24 * float(np.max(np.abs(curvature)))
-        yield Check(
-            f"document's pulse {name}, at t = {', '.join(map(str, expected))} s",
-            largest(abs(phi[round((t - begin) / H)] - value) for t, value in expected.items()),
-            1.05 * holding,
-            f"numbers of 15 digits; 1.05 x H^2/24*max|phi''| = {holding:.1e} of the input held from the middle",
-            "rad",
-        )
-        shown = run.t <= 10
-        yield Plot(
-            f"Gaussian pulse of the document, {name}",
-            "t [s]",
-            "phi [rad]",
-            [
-                Curve("FMU, RK4", run.t[shown][::20].tolist(), phi[shown][::20].tolist(), "", "."),
-                Curve("causal closed form", run.t[shown].tolist(), exact[shown].tolist()),
-            ],
-        )

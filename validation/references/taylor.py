@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from decimal import Decimal, localcontext
 
 import numpy as np
-from numpy.typing import NDArray
+
+from .arrays import Array
 
 ORDER = 40
 DIGITS = 50
 TOLERANCE = Decimal("1e-34")  # of a step; a thousand steps stay below 1e-30
 
-Array = NDArray[np.float64]
+
 Coefficients = list[Decimal]
 
 

@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from functools import cache, partial
 from math import cos, exp, expm1, pi, sin, sqrt, ulp
 
 import numpy as np
 
-from . import references, taylor
-from .fmu import EULER, IMPLICIT_EULER, METHOD_NAMES, MIDPOINT, RK4, W0, W02, Experiment, Fmu
-from .metrics import largest, state_error, upward_crossings
-from .results import Check, Curve, Plot, Result, Table
-from .stability import DRIFTS
+from .. import references
+from ..checks import Check, Curve, Plot, Result, Table
+from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
+from ..metrics import largest, state_error, upward_crossings
+from ..references import taylor
+from ..references.methods import METHODS
+from .scene import Case
 
 TITLE = "Stiff and extreme cases"
 FORMULA = "closed forms where they exist, Taylor series in 50 digits elsewhere"
 
 EPS = 2.2e-16
 SUBSTEP = 1e-3  # [s], the default
-
-
-@dataclass(frozen=True)
-class Case:
-    """A case by the function that runs it."""
-
-    name: str
-    run: Callable[[Fmu], Iterator[Result]]
-    slow: bool = False
-
-
-def run(fmu: Fmu, scene: Case) -> Iterator[Result]:
-    """Yield the rows of a scene."""
-    yield from scene.run(fmu)
 
 
 def relative(measured: float, exact: float) -> float:
@@ -99,11 +86,11 @@ def _near_upright(fmu: Fmu) -> Iterator[Result]:
             f"exact {0.75 * exact:.12g} s; 1.5 x h^4 error {truncation:.1e}, 3 sigma of the rounded start {wander:.1e}",
             "s",
         )
-    for method in METHOD_NAMES:
+    for method in SolverMethod:
         start = undamped(phi_start=pi) | {"solver.method": method, "solver.stepSize": 0.1}
         phi = fmu.run(Experiment(3.0, 0.1, start))["phi"]
         yield Check(
-            f"start at math.pi, {METHOD_NAMES[method]}, 3 s",
+            f"start at math.pi, {method.name}, 3 s",
             float(np.max(np.abs(phi - pi))),
             1e-12,
             "the double pi is 1.2e-16 off the top; 1.2e-16*cosh(w0*3.098 s) = 1e-12",
@@ -156,7 +143,7 @@ def _huge_torque(fmu: Fmu) -> Iterator[Result]:
 
 def _tiny_mass(fmu: Fmu) -> Iterator[Result]:
     """Take m = 1e-12 kg, k2 = 2e9/s: the rate settles at tau/(gamma*L^2) = 500 rad/s at once."""
-    start = {"m": 1e-12, "phi_start": 0.0, "solver.method": IMPLICIT_EULER}
+    start = {"m": 1e-12, "phi_start": 0.0, "solver.method": SolverMethod.ImplicitEuler}
     run = fmu.run(Experiment(0.01, 0.01, start, torque=lambda t: 1.0, record=("phi", "w")))
     for name, exact in (("w", 500.0), ("phi", 4.99999975)):
         yield Check(
@@ -165,13 +152,17 @@ def _tiny_mass(fmu: Fmu) -> Iterator[Result]:
             1e-7 if name == "phi" else W02 / 1e12,
             "w = tau/(gamma*L^2) but for gravity; phi lags by 500 rad/s times m/gamma = 2.5e-7 s",
         )
-    for method in (EULER, MIDPOINT, RK4):
+    for method in (
+        SolverMethod.ExplicitEuler,
+        SolverMethod.ExplicitMidPoint2,
+        SolverMethod.ExplicitRungeKutta4,
+    ):
         failed = fmu.run(
             Experiment(
                 0.1, 0.1, start | {"solver.method": method, "solver.stepSize": 1e-4}, torque=lambda t: 1.0
             )
         )
-        yield _ends_in_error(f"m = 1e-12 kg under 1 N.m, {METHOD_NAMES[method]}", failed.failure)
+        yield _ends_in_error(f"m = 1e-12 kg under 1 N.m, {method.name}", failed.failure)
 
 
 def _ends_in_error(name: str, failure: str) -> Check:
@@ -250,7 +241,7 @@ def _gravity(fmu: Fmu) -> Iterator[Result]:
 def _overdamped(fmu: Fmu) -> Iterator[Result]:
     """Fall from 90 deg through syrup: tan(phi/2) = exp(-w02*t/k2), to a relative w02/k2^2."""
     k2 = 1e9
-    start = {"gamma": k2, "phi_start": pi / 2, "solver.method": IMPLICIT_EULER}
+    start = {"gamma": k2, "phi_start": pi / 2, "solver.method": SolverMethod.ImplicitEuler}
     # Backward Euler's local error is h^2/2*phi'' with phi'' <= (w02/k2)^2/2, and the motion contracts afterwards.
     for t, exact in ((10.0, 1.57079622872839662), (1e6, 1.56098983397600066), (1e8, 0.71764934920426833)):
         h = max(SUBSTEP, t / 1e4)
@@ -263,12 +254,16 @@ def _overdamped(fmu: Fmu) -> Iterator[Result]:
             "rad",
         )
     for k2 in (1e4, 1e6, 1e9):
-        for method in (EULER, MIDPOINT, RK4):
+        for method in (
+            SolverMethod.ExplicitEuler,
+            SolverMethod.ExplicitMidPoint2,
+            SolverMethod.ExplicitRungeKutta4,
+        ):
             failed = fmu.run(
                 Experiment(1.0, 1.0, {"gamma": k2, "phi_start": pi / 2, "solver.method": method})
             )
-            yield _ends_in_error(f"gamma/m = {k2:g}/s, {METHOD_NAMES[method]} with h = 1 ms", failed.failure)
-            if method == RK4:
+            yield _ends_in_error(f"gamma/m = {k2:g}/s, {method.name} with h = 1 ms", failed.failure)
+            if method == SolverMethod.ExplicitRungeKutta4:
                 yield Check(
                     f"gamma/m = {k2:g}/s, RK4: warning at initialization",
                     float(sum("unstable" in text for text in failed.warnings)),
@@ -336,7 +331,7 @@ def _long_horizon(fmu: Fmu) -> Iterator[Result]:
     start = undamped() | {"solver.stepSize": h}
     E0 = 2 * W02 * sin(amplitude / 2) ** 2
     orbit = references.libration(np.arange(400) * T / 400, amplitude, W02)
-    loss = -(h**5) * float(np.mean(DRIFTS[RK4](*orbit))) / E0  # relative, per s
+    loss = -METHODS[SolverMethod.ExplicitRungeKutta4.name].energy_drift(h, orbit, W02) / E0  # relative, per s
     for periods in (2500, 10_000):
         # Whole periods end where the ripple of the energy is the same as at the start.
         stop = periods * T

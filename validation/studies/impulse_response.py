@@ -9,9 +9,10 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from . import references
-from .fmu import T0, W0, W02, Experiment, Fmu, Run
-from .results import Check, Curve, Plot, Result
+from .. import references
+from ..checks import Check, Curve, Plot, Result
+from ..fmu import T0, W0, W02, Experiment, Fmu, Run
+from .scene import Scene
 
 TITLE = "Linear impulse response"
 FORMULA = "h(t) = exp(-k2*t/2)*sin(a*t)/a, a^2 = w02 - k2^2/4, Grillo with nabla = 4*w02 - k2^2"
@@ -22,40 +23,97 @@ SMALL = 1e-9  # amplitude [rad]: the nonlinearity, a relative SMALL^2*w0*T/16, i
 
 
 @dataclass(frozen=True)
-class ImpulseScene:
+class ImpulseScene(Scene):
     """An impulse J as initial rate J/(m*L^2), on a pendulum with the damping rate k2 [1/s]."""
 
-    name: str
+    TITLE = "{0.title}"
+
+    title: str
     k2: float
     stop: float
     m: float = 1.0
     L: float = 1.0
-    slow: bool = False
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        w02 = W02 / self.L
+        w0 = sqrt(w02)
+        start = {"phi_start": 0.0, "w_start": SMALL * w0, "gamma": self.k2 * self.m}
+        start |= {"m": self.m} if self.m != 1 else {}
+        start |= {"L": self.L} if self.L != 1 else {}
+        run = fmu.run(Experiment(self.stop, STEP, start))
+        response = run["phi"] / (SMALL * w0)
+        exact = references.impulse_response(run.t, self.k2, w02)
+        peak = float(np.max(np.abs(exact[0])))
+        expected = float(np.max(run.t * truncation(exact, self.k2, w02))) / peak
+        yield Check(
+            self.name,
+            float(np.max(np.abs(response - exact[0]))) / peak,
+            1.5 * expected + rounding(self),
+            f"relative to the peak; 1.5 x t*h^4*A^5/120 = {expected:.1e}, and round-off",
+        )
+        if self.k2 == 0.002:
+            yield from _misprint(run, response, peak)
 
 
 @dataclass(frozen=True)
-class PulseScene:
+class PulseScene(Scene):
     """A rectangular torque pulse from 0 to `width` [s] through the input."""
 
-    name: str
+    TITLE = "{0.title}"
+
+    title: str
     k2: float
     stop: float
     width: float
-    slow: bool = False
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        torque = SMALL * W0 / self.width
+        run = fmu.run(
+            Experiment(
+                self.stop,
+                STEP,
+                {"phi_start": 0.0, "gamma": self.k2},
+                torque=lambda t: torque if t < self.width - STEP / 2 else 0.0,
+            )
+        )
+        exact = references.pulse_response(run.t, self.width, self.k2, W02)
+        peak = float(np.max(np.abs(exact[0])))
+        # During the pulse the pendulum swings about the deflection 1/(width*w02), and starts so far from it.
+        swing = references.free_evolution(run.t, 1 / (self.width * W02), 0.0, self.k2, W02)
+        during = self.width * float(np.max(truncation(swing, self.k2, W02)))
+        expected = (float(np.max(run.t * truncation(exact, self.k2, W02))) + during) / peak
+        yield Check(
+            self.name,
+            float(np.max(np.abs(run["phi"] / (SMALL * W0) - exact[0]))) / peak,
+            1.5 * expected + rounding(self),
+            f"relative to the peak; 1.5 x h^4 error {expected:.1e}, and round-off",
+        )
 
 
 @dataclass(frozen=True)
-class NonlinearScene:
+class NonlinearScene(Scene):
     """An impulse that is not small: the linear amplitude A [rad] and the number of periods."""
+
+    TITLE = "departure from linear motion at A = {0.amplitude:g}, {0.periods} periods"
 
     amplitude: float
     periods: int
-    slow: bool = False
 
-    @property
-    def name(self) -> str:
-        """Name in tables and tests."""
-        return f"departure from linear motion at A = {self.amplitude:g}, {self.periods} periods"
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows."""
+        A, stop = self.amplitude, self.periods * T0
+        run = fmu.run(Experiment(stop, T0 / 40, {"gamma": 0.0, "phi_start": 0.0, "w_start": A * W0}))
+        linear = A * W0 * references.impulse_response(run.t, 0.0, W02)[0]
+        predicted = A**3 * W0 * stop / 16
+        slip = predicted / A
+        yield Check(
+            self.name,
+            abs(float(np.max(np.abs(run["phi"] - linear))) / predicted - 1),
+            1.5 * (A**2 / 7 + slip**2 / 6 + 1 / (W0 * stop) ** 2),
+            f"A^3*w0*T/16 = {predicted:.3e} rad; next terms A^2*(1/12 + 1/24 + 1/192), slip^2/6, (w0*T)^-2",
+        )
 
 
 SCENES = (
@@ -70,16 +128,6 @@ SCENES = (
     PulseScene("pulse of 0.1 s, overdamped k2 = 50/s", 50.0, 20.0, 0.1),
     *(NonlinearScene(amplitude, periods) for amplitude in (0.05, 0.1, 0.2) for periods in (5, 25)),
 )
-
-
-def run(fmu: Fmu, scene: ImpulseScene | PulseScene | NonlinearScene) -> Iterator[Result]:
-    """Yield the rows of a scene."""
-    if isinstance(scene, ImpulseScene):
-        yield from _impulse(fmu, scene)
-    elif isinstance(scene, PulseScene):
-        yield from _pulse(fmu, scene)
-    else:
-        yield from _nonlinear(fmu, scene)
 
 
 def truncation(
@@ -97,27 +145,6 @@ def truncation(
 def rounding(scene: ImpulseScene | PulseScene) -> float:
     """Return the round-off of a run relative to its peak: a random walk of one rounding a substep, taken fourfold."""
     return 4 * 1.1e-16 * sqrt(scene.stop / SUBSTEP)
-
-
-def _impulse(fmu: Fmu, scene: ImpulseScene) -> Iterator[Result]:
-    w02 = W02 / scene.L
-    w0 = sqrt(w02)
-    start = {"phi_start": 0.0, "w_start": SMALL * w0, "gamma": scene.k2 * scene.m}
-    start |= {"m": scene.m} if scene.m != 1 else {}
-    start |= {"L": scene.L} if scene.L != 1 else {}
-    run = fmu.run(Experiment(scene.stop, STEP, start))
-    response = run["phi"] / (SMALL * w0)
-    exact = references.impulse_response(run.t, scene.k2, w02)
-    peak = float(np.max(np.abs(exact[0])))
-    expected = float(np.max(run.t * truncation(exact, scene.k2, w02))) / peak
-    yield Check(
-        scene.name,
-        float(np.max(np.abs(response - exact[0]))) / peak,
-        1.5 * expected + rounding(scene),
-        f"relative to the peak; 1.5 x t*h^4*A^5/120 = {expected:.1e}, and round-off",
-    )
-    if scene.k2 == 0.002:
-        yield from _misprint(run, response, peak)
 
 
 def _misprint(run: Run, response: NDArray[np.float64], peak: float) -> Iterator[Result]:
@@ -158,42 +185,4 @@ def _misprint(run: Run, response: NDArray[np.float64], peak: float) -> Iterator[
             ),
         ],
         logarithmic="y",
-    )
-
-
-def _pulse(fmu: Fmu, scene: PulseScene) -> Iterator[Result]:
-    torque = SMALL * W0 / scene.width
-    run = fmu.run(
-        Experiment(
-            scene.stop,
-            STEP,
-            {"phi_start": 0.0, "gamma": scene.k2},
-            torque=lambda t: torque if t < scene.width - STEP / 2 else 0.0,
-        )
-    )
-    exact = references.pulse_response(run.t, scene.width, scene.k2, W02)
-    peak = float(np.max(np.abs(exact[0])))
-    # During the pulse the pendulum swings about the deflection 1/(width*w02), which it starts at that distance from.
-    swing = references.free_evolution(run.t, 1 / (scene.width * W02), 0.0, scene.k2, W02)
-    during = scene.width * float(np.max(truncation(swing, scene.k2, W02)))
-    expected = (float(np.max(run.t * truncation(exact, scene.k2, W02))) + during) / peak
-    yield Check(
-        scene.name,
-        float(np.max(np.abs(run["phi"] / (SMALL * W0) - exact[0]))) / peak,
-        1.5 * expected + rounding(scene),
-        f"relative to the peak; 1.5 x h^4 error {expected:.1e}, and round-off",
-    )
-
-
-def _nonlinear(fmu: Fmu, scene: NonlinearScene) -> Iterator[Result]:
-    A, stop = scene.amplitude, scene.periods * T0
-    run = fmu.run(Experiment(stop, T0 / 40, {"gamma": 0.0, "phi_start": 0.0, "w_start": A * W0}))
-    linear = A * W0 * references.impulse_response(run.t, 0.0, W02)[0]
-    predicted = A**3 * W0 * stop / 16
-    slip = predicted / A
-    yield Check(
-        scene.name,
-        abs(float(np.max(np.abs(run["phi"] - linear))) / predicted - 1),
-        1.5 * (A**2 / 7 + slip**2 / 6 + 1 / (W0 * stop) ** 2),
-        f"A^3*w0*T/16 = {predicted:.3e} rad; next terms A^2*(1/12 + 1/24 + 1/192), slip^2/6, (w0*T)^-2",
     )

@@ -1,0 +1,31 @@
+"""How results are written: the one place where numbers become text."""
+
+from __future__ import annotations
+
+from ..checks import Check
+
+CHECK_COLUMNS = ("check", "measured", "relation", "bound", "unit", "margin", "verdict", "reason of the bound")
+
+
+def number(value: float) -> str:
+    """Return a number of a check, three digits."""
+    return f"{value:.3g}"
+
+
+def cell(value: object) -> str:
+    """Return a cell of a table; numbers get six digits."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def check_cells(check: Check) -> tuple[str, ...]:
+    """Return a check as the cells of `CHECK_COLUMNS`."""
+    return (
+        check.name,
+        number(check.measured),
+        ">=" if check.at_least else "<=",
+        number(check.bound),
+        check.unit,
+        number(check.margin),
+        "holds" if check.holds else "FAILS",
+        check.reason,
+    )

@@ -1,0 +1,86 @@
+"""The report as a page with its pictures inside, and CSV files beside it."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import os
+import platform
+import re
+from collections.abc import Iterable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from ..checks import Note, Plot, Result, Table
+from . import figures
+from .cells import CHECK_COLUMNS, cell, check_cells
+from .section import Section, summary
+
+FOLDER = Path(__file__).resolve().parent
+PACKAGES = ("pythonfmu", "fmpy", "numpy", "scipy")
+
+
+def write(sections: Sequence[Section], folder: Path, fmu: Path, pictures: bool) -> Path:
+    """Write index.html and the CSV files into `folder` and return the page's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    checks = [check for section in sections for check in section.checks]
+    write_csv(folder / "checks.csv", CHECK_COLUMNS, map(check_cells, checks))
+    for section in sections:
+        for table in section.of(Table):
+            write_csv(folder / f"{section.name}-{slug(table.title)}.csv", table.columns, table.rows)
+    page = folder / "index.html"
+    partial = page.with_suffix(".partial")
+    partial.write_text(render(sections, fmu, pictures), "utf-8")
+    partial.replace(page)
+    return page
+
+
+def render(sections: Sequence[Section], fmu: Path, pictures: bool) -> str:
+    """Return the page."""
+    environment = Environment(
+        loader=FileSystemLoader(FOLDER),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"cell": cell, "cells": check_cells, "kind": lambda x: type(x).__name__}
+    environment.globals |= {"summary": summary, "is_headline": is_headline, "CHECK_COLUMNS": CHECK_COLUMNS}
+    return environment.get_template("page.html.j2").render(
+        sections=sections,
+        style=Markup((FOLDER / "style.css").read_text("utf-8")),
+        provenance=provenance(fmu),
+        failing=[check for section in sections for check in section.checks if not check.holds],
+        picture=(lambda plot: Markup(figures.svg(plot))) if pictures else lambda plot: "",
+    )
+
+
+def is_headline(result: Result) -> bool:
+    """Return whether a result is shown at the top of the report."""
+    return isinstance(result, Plot | Note) and result.headline
+
+
+def slug(title: str) -> str:
+    """Return a title as a part of a file's name."""
+    return re.sub(r"[^a-z0-9.=]+", "-", title.lower()).strip("-.")
+
+
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a CSV file with a header; numbers keep all their digits."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(rows)
+
+
+def provenance(fmu: Path) -> str:
+    """Return what was measured where: FMU digest, machine, versions."""
+    digest = hashlib.sha256(fmu.read_bytes()).hexdigest()
+    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return (
+        f"{fmu.name}, SHA-256 {digest}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
+        f"Python {platform.python_version()}, {versions}"
+    )

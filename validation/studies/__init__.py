@@ -1,0 +1,74 @@
+"""The studies by name, in the order of the report.
+
+A study is a module with TITLE, FORMULA (with its source) and SCENES; each scene has a `name`, says whether it is
+`slow`, and yields its results from run(fmu). It may have RACES: scenes whose rows are about run times, which depend on
+what else the machine does. The command judges them, too, but no test does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from typing import Any, Protocol
+
+from ..checks import Result
+from ..fmu import Fmu
+
+NAMES = (
+    "elliptic_period",
+    "impulse_response",
+    "trajectory",
+    "crawford",
+    "grillo",
+    "errata",
+    "work_precision",
+    "stability",
+    "stiff_extreme",
+)
+
+
+class Scene(Protocol):
+    """What is asked of a scene."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102  # described by the module
+
+    @property
+    def slow(self) -> bool: ...  # noqa: D102  # described by the module
+
+    def run(self, fmu: Fmu) -> Iterator[Result]: ...  # noqa: D102  # described by the module
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study that is loaded."""
+
+    name: str
+    title: str
+    formula: str
+    scenes: Sequence[Scene]
+    races: Sequence[Scene]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A scene that its module runs."""
+
+    name: str
+    slow: bool
+    run: Callable[[Fmu], Iterator[Result]]
+
+
+def load(name: str) -> Study:
+    """Return the study `name`, one of `NAMES`; the others are not imported."""
+    if name == "work_precision":
+        module: Any = import_module(f"..{name}", __package__)
+
+        def scenes(data: Sequence[Any]) -> list[Scene]:
+            return [Judged(scene.name, scene.slow, partial(module.run, scene=scene)) for scene in data]
+
+        return Study(name, module.TITLE, module.FORMULA, scenes(module.SCENES), scenes(module.RACES))
+    module = import_module(f".{name}", __package__)
+    return Study(name, module.TITLE, module.FORMULA, module.SCENES, getattr(module, "RACES", ()))
