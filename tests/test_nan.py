@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from validation import work_precision
 from validation.checks import Check
 from validation.fmu import W02, Experiment, Fmu, SolverMethod
 from validation.metrics import largest
 from validation.references.methods import METHODS, linear_radius
-from validation.studies import grillo, stability
-from validation.work_precision import Point, WorkScene
+from validation.studies import grillo, stability, work_precision
+from validation.studies.work_precision import Point, WorkScene
 
 
 @pytest.mark.parametrize("number", [nan, inf, -inf])

@@ -32,6 +32,10 @@ class SolverMethod(IntEnum):
     ExplicitMidPoint2 = 2
     ExplicitRungeKutta4 = 3
     ImplicitEuler = 4
+    ImplicitTrapezoid = 5
+    TRBDF2 = 6
+    SDIRK4 = 7
+    TaylorSeries = 8
 
 
 EULER: int = SolverMethod.ExplicitEuler

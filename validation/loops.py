@@ -169,7 +169,7 @@ def sdirk4(drive: float, damping_rate: float, w02: float, phi: float, w: float, 
 def taylor_series(
     drive: float, damping_rate: float, w02: float, phi: float, w: float, h: float, n: int
 ) -> float:
-    """Return the angle after steps along the Taylor series of phi, w, sin(phi) and cos(phi), terms times powers of h."""
+    """Return the angle after steps along the Taylor series of phi, w, sin(phi), cos(phi), with the powers of h."""
     ratios = [h / k for k in range(1, ORDER + 1)]
     for _ in range(n):
         rates, sines, cosines = [w], [sin(phi)], [cos(phi)]

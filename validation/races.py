@@ -8,13 +8,15 @@ if the whole interval keeps the bound. A race is run once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from math import comb, nan
 from time import perf_counter, thread_time
+from typing import TypeVar
 
 from .checks import Check
 
+Name = TypeVar("Name", bound=Hashable)
 Runner = Callable[[], float]  # runs once and returns the time [s] of what is raced
 
 ROUNDS = 21
@@ -55,12 +57,12 @@ class Ratio:
 
 
 def race(
-    runners: Mapping[str, Runner], rounds: int | None = None, spend: float | None = None
-) -> dict[str, list[float]]:
+    runners: Mapping[Name, Runner], rounds: int | None = None, spend: float | None = None
+) -> dict[Name, list[float]]:
     """Return the times [s] of a run of each runner, its mean in each round; each round begins with another runner."""
     rounds, spend = ROUNDS if rounds is None else rounds, SPEND if spend is None else spend
     names = list(runners)
-    times: dict[str, list[float]] = {name: [] for name in names}
+    times: dict[Name, list[float]] = {name: [] for name in names}
     for i in range(rounds):
         first = i % len(names)
         for name in names[first:] + names[:first]:

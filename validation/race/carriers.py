@@ -7,7 +7,7 @@ import tempfile
 from functools import cache, partial
 from pathlib import Path
 
-from ..fmu import Experiment, Fmu, Host
+from ..fmu import Experiment, Fmu, Host, SolverMethod
 from .compiler import NoCompilerError, shared_library
 from .rivals import Outcome, Run, Solver
 from .scenes import Scene
@@ -18,25 +18,18 @@ NATIVE_PATIENCE = 0.2  # a native FMU is cut off so much earlier
 
 
 @cache
-def methods(fmu: Fmu) -> dict[str, int]:
-    """Return the names of the methods that the FMU has, and their numbers."""
-    (enumeration,) = (t for t in fmu.description.typeDefinitions if t.name == "SolverMethod")
-    return {item.name: int(item.value) for item in enumeration.items}
-
-
-@cache
 def solvers(fmu: Fmu) -> tuple[Solver, ...]:
     """Return the methods of the FMU as solvers, accurate by their number of substeps in a communication step."""
     return tuple(
         Solver(
-            name,
+            method.name,
             FMU,
             tuple(2**k for k in range(MOST_SUBSTEPS + 1)),
-            partial(_prepare, fmu, number),
+            partial(_prepare, fmu, method),
             counts_substeps=True,
             patience=NATIVE_PATIENCE if fmu.native else 1.0,
         )
-        for name, number in methods(fmu).items()
+        for method in SolverMethod
     )
 
 
@@ -77,9 +70,7 @@ def experiment(scene: Scene, method: int, substeps: float) -> Experiment:
     record = ("phi", "w")
     if (drive := scene.drive) is None:
         return Experiment(scene.stop, scene.step, start, record=record)
-    return Experiment(
-        scene.stop, h, start, lambda t: drive(t + h / 2), record, polynomial=drive.polynomial
-    )
+    return Experiment(scene.stop, h, start, lambda t: drive(t + h / 2), record, polynomial=drive.polynomial)
 
 
 def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float) -> Run:

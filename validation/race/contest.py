@@ -1,7 +1,7 @@
 """How solvers compete: each climbs a ladder of accuracies, is fitted to every error, and races the others in rounds.
 
-The error that counts is the largest on the grid of the scene. What a solver is fitted by are errors and evaluations, which
-no machine changes; run times decide who races, and are measured in rounds that all of a scene share.
+The error that counts is the largest on the grid of the scene. What a solver is fitted by are errors and evaluations,
+which no machine changes; run times decide who races, and are measured in rounds that all of a scene share.
 """
 
 from __future__ import annotations
@@ -62,14 +62,12 @@ def errors(scene: Scene, outcome: Outcome) -> Errors:
 @cache
 def measured(solver: Solver, scene: Scene, knob: float) -> Rung:
     """Return a run, repeated where it is short."""
-    run = solver.prepare(scene, knob)
+    run = solver.prepare(replace(scene, cut_off=solver.cut_off(scene)), knob)
     outcome = run()
     seconds = outcome.seconds
     if seconds < 2e-3 and not outcome.failure:
         seconds = min(seconds, run().seconds, run().seconds)
-    return Rung(
-        solver, knob, seconds, errors(scene, outcome), outcome.evaluations, outcome.failure
-    )
+    return Rung(solver, knob, seconds, errors(scene, outcome), outcome.evaluations, outcome.failure)
 
 
 @cache
@@ -95,7 +93,7 @@ def fitted(solver: Solver, scene: Scene, error: float) -> Rung | None:
     if not reaching:
         return None
     if not solver.counts_substeps:
-        return min(reaching, key=lambda rung: inf if isnan(rung.evaluations) else rung.evaluations)
+        return min(reaching, key=lambda rung: rung.seconds if isnan(rung.evaluations) else rung.evaluations)
     found = reaching[0]
     low = max((rung.knob for rung in rungs if rung.knob < found.knob), default=0)
     while found.knob - low > max(1, FINENESS * found.knob):

@@ -1,7 +1,8 @@
 """The rivals: integrators of SciPy and heyoka, each with the fastest right-hand side that it takes.
 
-A rival is a `Solver`: what makes it ready is apart, then it goes from 0 to the end of the scene and returns the angle and
-the rate on the grid. All of them get the same relative and absolute tolerance, the latter in units of the scene's scale.
+A rival is a `Solver`: what makes it ready is apart, then it goes from 0 to the end of the scene and returns the angle
+and the rate on the grid. All of them get the same relative and absolute tolerance, the latter in units of the scene's
+scale.
 """
 
 from __future__ import annotations
@@ -22,12 +23,14 @@ import numpy as np
 from scipy.integrate import BDF, DOP853, LSODA, RK45, Radau, odeint
 
 from ..fmu import W02
-from ..metrics import Array
 from ..races import clock
+from ..references import Array
 from .compiler import NoCompilerError, shared_library
 from .scenes import Scene
 
-LONGEST_DRIVEN = 0.25  # steps [s] under a drive: from rest the first ones are else so long that they miss the pulse
+LONGEST_DRIVEN = (
+    0.25  # steps [s] under a drive: from rest the first ones are else so long that they miss the pulse
+)
 LEAST_TOLERANCE = 3e-14  # what SciPy's Runge-Kutta methods accept, a relative 100 ulp
 SOURCE = Path(__file__).resolve().parent / "right_hand_side.c"
 
@@ -137,9 +140,7 @@ def compiled(scene: Scene) -> RightHandSide:
     NoCompilerError : there is no C compiler, or none that finds the headers of Python
     """
     peak, center, variance = scene.drive or (0.0, 0.0, 1.0)
-    function: RightHandSide = _compiled_module().function(
-        np.empty(2), scene.k2, W02, peak, center, variance
-    )
+    function: RightHandSide = _compiled_module().function(np.empty(2), scene.k2, W02, peak, center, variance)
     return function
 
 
@@ -201,10 +202,11 @@ SOLVE_IVP = "solve_ivp"
 ODEINT = "odeint"
 COMPILED_ODEINT = "odeint, f in C"
 HEYOKA = "heyoka"
+PATIENCE = 3.0  # with the rivals that are fastest where nothing is stiff
 
 PYTHON_RIVALS = (
-    Solver("DOP853", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, DOP853, False)),
-    Solver("LSODA", SOLVE_IVP, tolerances(0.25), partial(_solve_ivp, LSODA, True)),
+    Solver("DOP853", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, DOP853, False), patience=PATIENCE),
+    Solver("LSODA", SOLVE_IVP, tolerances(0.25), partial(_solve_ivp, LSODA, True), patience=PATIENCE),
     Solver("RK45", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, RK45, False)),
     Solver("Radau", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, Radau, True)),
     Solver("BDF", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, BDF, True)),
@@ -232,7 +234,9 @@ def _taylor_integrator(k2: float, drive: Any, tolerance: float) -> Any:
 def _heyoka(scene: Scene, tolerance: float, ends_only: bool = False) -> Run:
     integrator = _taylor_integrator(scene.k2, scene.drive, tolerance)
     longest = inf if scene.drive is None else LONGEST_DRIVEN
-    steps = 0 if scene.cut_off == inf else int(scene.cut_off / 2e-7)  # 0: any number; one takes 0.2 us or more
+    steps = (
+        0 if scene.cut_off == inf else int(scene.cut_off / 2e-7)
+    )  # 0: any number; one takes 0.2 us or more
     grid = np.array(scene.grid)
 
     def run() -> Outcome:
@@ -253,6 +257,12 @@ def _heyoka(scene: Scene, tolerance: float, ends_only: bool = False) -> Run:
     return run
 
 
+def heyoka_to_the_end() -> Solver:
+    """Return heyoka without the grid."""
+    knobs = tuple(10.0 ** (-8 - i / 2) for i in range(17))
+    return Solver(HEYOKA, HEYOKA, knobs, partial(_heyoka, ends_only=True))
+
+
 def compiled_rivals() -> Iterator[Solver | str]:
     """Yield the rivals of the native FMU, and of those that this machine does not have what they need."""
     if find_spec("heyoka") is not None:
@@ -264,6 +274,4 @@ def compiled_rivals() -> Iterator[Solver | str]:
     except NoCompilerError as error:
         yield f"SciPy's odeint with a right-hand side in C is left out: {error}"
     else:
-        yield Solver(
-            COMPILED_ODEINT, COMPILED_ODEINT, tolerances(0.25), partial(_odeint, compiled, False)
-        )
+        yield Solver(COMPILED_ODEINT, COMPILED_ODEINT, tolerances(0.25), partial(_odeint, compiled, False))

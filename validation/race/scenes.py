@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import references, taylor
+from .. import references
 from ..fmu import W02, Experiment
-from ..metrics import Array
+from ..references import Array, taylor
 
 DECADES = tuple(10.0**-k for k in range(2, 13))
 COARSE = (1e-3, 1e-6, 1e-9, 1e-12)  # the errors of the table "which method for which task"

@@ -56,7 +56,7 @@ def _draw(plot: Plot, kind: str, style: dict[str, Any], metadata: dict[str, Any]
             axes.plot(
                 curve.x,
                 curve.y,
-                color=COLOURS[i % len(COLOURS)],
+                color=curve.colour or COLOURS[i % len(COLOURS)],
                 linestyle=curve.line or "none",
                 marker=curve.marker,
                 markersize=4,
