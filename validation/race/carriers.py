@@ -14,7 +14,7 @@ from .scenes import Scene
 
 FMU = "FMU"
 MOST_SUBSTEPS = 20  # power of two, of those in a communication step
-NATIVE_PATIENCE = 0.2  # a native FMU is cut off so much earlier
+CUT_OFF = {False: 0.05, True: 0.01}  # [s], by whether the FMU is native
 
 
 @cache
@@ -27,7 +27,7 @@ def solvers(fmu: Fmu) -> tuple[Solver, ...]:
             tuple(2**k for k in range(MOST_SUBSTEPS + 1)),
             partial(_prepare, fmu, method),
             counts_substeps=True,
-            patience=NATIVE_PATIENCE if fmu.native else 1.0,
+            cut_off=CUT_OFF[fmu.native],
         )
         for method in SolverMethod
     )
@@ -70,10 +70,10 @@ def experiment(scene: Scene, method: int, substeps: float) -> Experiment:
     record = ("phi", "w")
     if (drive := scene.drive) is None:
         return Experiment(scene.stop, scene.step, start, record=record)
-    return Experiment(scene.stop, h, start, lambda t: drive(t + h / 2), record, polynomial=drive.polynomial)
+    return Experiment(scene.stop, h, start, lambda t: drive(t + h / 2), record, polynomial=cache(drive.polynomial))
 
 
-def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float) -> Run:
+def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float, _: float) -> Run:
     prepared, host = experiment(scene, method, substeps), host_of(fmu)
     stride = 1 if scene.drive is None else int(substeps)
 

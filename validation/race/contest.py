@@ -7,7 +7,7 @@ which no machine changes; run times decide who races, and are measured in rounds
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from math import inf, isnan, nan
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from .scenes import COARSE, Scene, exact
 ROUNDS = 15
 SPEND = 5e-4  # what each runner runs in a round at least [s]
 CLOSE = 1.5  # who is slower than the fastest of its family by more takes part at the errors COARSE only,
-SLOW = 0.02  # and only if it is done in so many seconds
+SLOW = 0.01  # and only if it is done in so many seconds
 FINENESS = 0.03  # relative, of the substeps that just reach an error
 
 
@@ -62,7 +62,7 @@ def errors(scene: Scene, outcome: Outcome) -> Errors:
 @cache
 def measured(solver: Solver, scene: Scene, knob: float) -> Rung:
     """Return a run, repeated where it is short."""
-    run = solver.prepare(replace(scene, cut_off=solver.cut_off(scene)), knob)
+    run = solver.prepare(scene, knob, solver.cut_off)
     outcome = run()
     seconds = outcome.seconds
     if seconds < 2e-3 and not outcome.failure:
@@ -72,15 +72,16 @@ def measured(solver: Solver, scene: Scene, knob: float) -> Rung:
 
 @cache
 def ladder(solver: Solver, scene: Scene) -> Sequence[Rung]:
-    """Return runs of rising accuracy, up to the least error of the scene or two runs that take too long.
+    """Return runs of rising accuracy, up to the least error of the scene or the cut-off.
 
-    One such run may be an accident: some solvers lose their way with a large tolerance.
+    A single run with a tolerance that takes too long may be an accident: some rivals lose their way if that is large.
     """
+    accidents = 0 if solver.counts_substeps else 1
     rungs: list[Rung] = []
     for knob in solver.knobs:
         rungs.append(measured(solver, scene, knob))
-        too_long = [rung.seconds > solver.cut_off(scene) for rung in rungs[-2:]]
-        if rungs[-1].errors.largest <= scene.targets[-1] or too_long == [True, True]:
+        too_long = [rung.seconds > solver.cut_off for rung in rungs[-1 - accidents :]]
+        if rungs[-1].errors.largest <= scene.targets[-1] or (len(rungs) > accidents and all(too_long)):
             break
     return rungs
 
@@ -138,8 +139,7 @@ def race(solvers: Sequence[Solver], scene: Scene) -> Race:
         chosen = list(_contenders(solvers, scene, error))
         rungs |= {(rung.solver.name, rung.knob): rung for rung in chosen}
         reaching[error] = [(rung.solver.name, rung.knob) for rung in chosen]
-    whole = replace(scene, cut_off=inf)
-    runs = {key: rung.solver.prepare(whole, rung.knob) for key, rung in rungs.items()}
+    runs = {key: rung.solver.prepare(scene, rung.knob, inf) for key, rung in rungs.items()}
     runners = {key: lambda run=run: run().seconds for key, run in runs.items()}
     times = races.race(runners, ROUNDS, SPEND) if runners else {}
     return Race(scene, rungs, times, reaching)

@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import races
-from ..checks import Check
 from ..fmu import Fmu, SolverMethod
-from ..races import Ratio
+from ..races import Claim, Ratio
 from . import carriers
 from .contest import ROUNDS, Key, Race, fitted, ladder, race
 from .rivals import COMPILED_ODEINT, HEYOKA, ODEINT, PYTHON_RIVALS, SOLVE_IVP, Solver, compiled_rivals
@@ -75,9 +74,9 @@ def why_not(solvers: Sequence[Solver], scene: Scene, error: float) -> str:
         return "left out"
     if any(fitted(solver, scene, error) for solver in solvers):
         return ""
-    slow = [solver for solver in solvers if ladder(solver, scene)[-1].seconds > solver.cut_off(scene)]
+    slow = [solver.cut_off for solver in solvers if ladder(solver, scene)[-1].seconds > solver.cut_off]
     if slow:
-        return f"cut off at {max(solver.cut_off(scene) for solver in slow):g} s"
+        return f"cut off at {max(slow):g} s"
     failed = all(rung.failure for solver in solvers for rung in ladder(solver, scene))
     return "diverged" if failed else "not reached"
 
@@ -100,7 +99,7 @@ class Goal:
     errors: tuple[float, ...]
     at_least: float
 
-    def judge(self, fmu: Fmu) -> Check:
+    def judge(self, fmu: Fmu) -> Claim:
         """Return the row of the error at which the claim is weakest; its measured number is the lower end there."""
         name = f"time: {self.what}, errors {self.errors[0]:.0e} to {self.errors[-1]:.0e}, FMU against {self.rival}"
         ratios = {}

@@ -62,21 +62,17 @@ class Solver:
     ----------
     family : what it is compared as
     knobs : values of what its accuracy depends on, a tolerance or a number of substeps, from the cheapest
-    prepare : returns what runs a scene with such a value, as often as it is called
+    prepare : returns what runs a scene with such a value, as often as it is called, cut off after a time [s]
     counts_substeps : whether they are numbers of substeps, any of which between two of them does, too
-    patience : factor of the cut-off of the scenes
+    cut_off : a run that takes longer [s] is the last one, or is ended
     """
 
     name: str
     family: str
     knobs: Sequence[float]
-    prepare: Callable[[Scene, float], Run]
+    prepare: Callable[[Scene, float, float], Run]
     counts_substeps: bool = False
-    patience: float = 1.0
-
-    def cut_off(self, scene: Scene) -> float:
-        """Return how long a run may take [s]."""
-        return self.patience * scene.cut_off
+    cut_off: float = 0.1
 
 
 def tolerances(spacing: float, least: float = LEAST_TOLERANCE) -> tuple[float, ...]:
@@ -147,7 +143,7 @@ def compiled(scene: Scene) -> RightHandSide:
 # SciPy
 
 
-def _solve_ivp(method: type[Any], with_jacobian: bool, scene: Scene, tolerance: float) -> Run:
+def _solve_ivp(method: type[Any], with_jacobian: bool, scene: Scene, tolerance: float, cut_off: float) -> Run:
     """Return a run of a method of solve_ivp, in the loop that solve_ivp has over its steps."""
     f, y0, grid = in_python(scene), [scene.phi0, scene.rate0], scene.grid
     options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance * scene.scale}
@@ -160,7 +156,7 @@ def _solve_ivp(method: type[Any], with_jacobian: bool, scene: Scene, tolerance: 
         solver = method(f, 0.0, y0, scene.stop, **options)
         columns, reached, seconds = [solver.y], 1, 0.0
         begin = clock()
-        while solver.status == "running" and seconds < scene.cut_off:
+        while solver.status == "running" and seconds < cut_off:
             solver.step()
             passed = reached
             while passed < len(grid) and grid[passed] <= solver.t:
@@ -170,14 +166,18 @@ def _solve_ivp(method: type[Any], with_jacobian: bool, scene: Scene, tolerance: 
                 reached = passed
             seconds = clock() - begin
         phi, w = np.array(columns, dtype=float).T
-        failure = {"running": f"cut off at {scene.cut_off:g} s", "failed": "gave up"}.get(solver.status, "")
+        failure = {"running": f"cut off at {cut_off:g} s", "failed": "gave up"}.get(solver.status, "")
         return Outcome(seconds, phi, w, solver.nfev, failure)
 
     return run
 
 
 def _odeint(
-    right_hand_side: Callable[[Scene], RightHandSide], with_jacobian: bool, scene: Scene, tolerance: float
+    right_hand_side: Callable[[Scene], RightHandSide],
+    with_jacobian: bool,
+    scene: Scene,
+    tolerance: float,
+    _: float,
 ) -> Run:
     f, y0, grid = right_hand_side(scene), [scene.phi0, scene.rate0], np.array(scene.grid)
     options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance * scene.scale}
@@ -202,15 +202,15 @@ SOLVE_IVP = "solve_ivp"
 ODEINT = "odeint"
 COMPILED_ODEINT = "odeint, f in C"
 HEYOKA = "heyoka"
-PATIENCE = 3.0  # with the rivals that are fastest where nothing is stiff
+PATIENT = 0.3  # cut-off [s] of the rivals that are fastest where nothing is stiff
 
 PYTHON_RIVALS = (
-    Solver("DOP853", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, DOP853, False), patience=PATIENCE),
-    Solver("LSODA", SOLVE_IVP, tolerances(0.25), partial(_solve_ivp, LSODA, True), patience=PATIENCE),
+    Solver("DOP853", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, DOP853, False), cut_off=PATIENT),
+    Solver("LSODA", SOLVE_IVP, tolerances(0.25), partial(_solve_ivp, LSODA, True), cut_off=PATIENT),
     Solver("RK45", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, RK45, False)),
     Solver("Radau", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, Radau, True)),
     Solver("BDF", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, BDF, True)),
-    Solver(ODEINT, ODEINT, tolerances(0.25), partial(_odeint, in_python, True)),
+    Solver(ODEINT, ODEINT, tolerances(0.25), partial(_odeint, in_python, True), cut_off=PATIENT),
 )
 
 
@@ -231,12 +231,10 @@ def _taylor_integrator(k2: float, drive: Any, tolerance: float) -> Any:
     return heyoka.taylor_adaptive([(phi, w), (w, a)], [0.0, 0.0], tol=tolerance, fast_math=True)
 
 
-def _heyoka(scene: Scene, tolerance: float, ends_only: bool = False) -> Run:
+def _heyoka(scene: Scene, tolerance: float, cut_off: float, ends_only: bool = False) -> Run:
     integrator = _taylor_integrator(scene.k2, scene.drive, tolerance)
     longest = inf if scene.drive is None else LONGEST_DRIVEN
-    steps = (
-        0 if scene.cut_off == inf else int(scene.cut_off / 2e-7)
-    )  # 0: any number; one takes 0.2 us or more
+    steps = 0 if cut_off == inf else int(cut_off / 2e-7)  # one takes 0.2 us or more; 0: any number
     grid = np.array(scene.grid)
 
     def run() -> Outcome:
