@@ -46,11 +46,11 @@ LOOP(explicit_runge_kutta4) {
 static inline double kepler(double s, double c) {
     double x = c;
     for (;;) {
-        const double slope = 1 + s * cos(x);
+        const double before = x, slope = 1 + s * cos(x);
         const double correction = ((x - c) + s * sin(x)) / slope;
         x -= correction;
-        /* The next one is a quarter of an ulp or less. */
-        if (s * correction * correction <= 5.5e-17 * slope * fabs(x) || correction == 0) return x;
+        /* What is left is a quarter of an ulp or less. */
+        if (s * correction * correction <= 0x1p-54 * slope * fabs(x) || x == before) return x;
     }
 }
 
@@ -81,7 +81,7 @@ LOOP(implicit_trapezoid) {
 
 /* The trapezoidal rule to (2 - sqrt(2))*h, and Gear's formula to h. */
 LOOP(tr_bdf2) {
-    const double diagonal = 1 - sqrt(2) / 2, weight = sqrt(2) / 4;
+    const double diagonal = 1 / (2 + sqrt(2)), weight = sqrt(2) / 4;
     const double b = h * diagonal, weight_h = h * weight, kicks = weight / diagonal;
     const double denominator = 1 + b * damping_rate;
     const double kick = b * w02 / denominator, push = b * drive, s = b * kick;

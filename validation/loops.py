@@ -74,11 +74,11 @@ def kepler(s: float, c: float) -> float:
     """Return the root x of x + s*sin(x) = c, 0 <= s < 1, by Newton's method from x = c."""
     x = c
     while True:
-        slope = 1 + s * cos(x)
+        before, slope = x, 1 + s * cos(x)
         correction = ((x - c) + s * sin(x)) / slope
         x -= correction
-        # The next one is a quarter of an ulp or less.
-        if s * correction * correction <= 5.5e-17 * slope * abs(x) or correction == 0:
+        # What is left is a quarter of an ulp or less.
+        if s * correction * correction <= 2**-54 * slope * abs(x) or x == before:
             return x
 
 
@@ -114,7 +114,7 @@ def implicit_trapezoid(
 
 def tr_bdf2(drive: float, damping_rate: float, w02: float, phi: float, w: float, h: float, n: int) -> float:
     """Return the angle after steps of the trapezoidal rule to (2 - sqrt(2))*h and Gear's formula to h."""
-    diagonal, weight = 1 - sqrt(2) / 2, sqrt(2) / 4
+    diagonal, weight = 1 / (2 + sqrt(2)), sqrt(2) / 4
     b, weight_h, kicks = h * diagonal, h * weight, weight / diagonal
     denominator = 1 + b * damping_rate
     kick, push = b * w02 / denominator, b * drive

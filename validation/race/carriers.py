@@ -70,7 +70,9 @@ def experiment(scene: Scene, method: int, substeps: float) -> Experiment:
     record = ("phi", "w")
     if (drive := scene.drive) is None:
         return Experiment(scene.stop, scene.step, start, record=record)
-    return Experiment(scene.stop, h, start, lambda t: drive(t + h / 2), record, polynomial=cache(drive.polynomial))
+    return Experiment(
+        scene.stop, h, start, lambda t: drive(t + h / 2), record, polynomial=cache(drive.polynomial)
+    )
 
 
 def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float, _: float) -> Run:

@@ -12,17 +12,17 @@ import numpy as np
 from .. import races
 from ..fmu import Fmu, SolverMethod
 from ..races import Claim, Ratio
-from . import carriers
-from .contest import ROUNDS, Key, Race, fitted, ladder, race
+from . import carriers, contest
+from .contest import Key, Race, fitted, ladder, race
 from .rivals import COMPILED_ODEINT, HEYOKA, ODEINT, PYTHON_RIVALS, SOLVE_IVP, Solver, compiled_rivals
 from .scenes import COARSE, DAMPED, DECADES, EXTREME, ROTATION, STIFF, UNDAMPED, Scene
 
 OURS = tuple(method.name for method in SolverMethod)
-EXPLICIT_SOLVE_IVP = tuple(solver.name for solver in PYTHON_RIVALS if solver.family == SOLVE_IVP)
+OF_SOLVE_IVP = tuple(solver.name for solver in PYTHON_RIVALS if solver.family == SOLVE_IVP)
 
 # Rivals by whether the FMU is native: who is compared as what.
 GROUPS: dict[bool, dict[str, tuple[str, ...]]] = {
-    False: {"solve_ivp": EXPLICIT_SOLVE_IVP, "odeint": (ODEINT,)},
+    False: {"solve_ivp": OF_SOLVE_IVP, "odeint": (ODEINT,)},
     True: {"heyoka": (HEYOKA,), "odeint, f in C": (COMPILED_ODEINT,)},
 }
 
@@ -129,10 +129,10 @@ class Goal:
             if found.quotients:
                 quotients.append(found.quotients)
             elif found.theirs is not None:
-                quotients.append([0.0] * ROUNDS)
+                quotients.append([0.0] * contest.ROUNDS)
         if not quotients:
             return "only the FMU gets there" if reached else "nobody gets there"
-        return races.ratio(np.median(np.array(quotients), axis=0).tolist(), [1.0] * ROUNDS)
+        return races.ratio(np.median(np.array(quotients), axis=0).tolist(), [1.0] * contest.ROUNDS)
 
 
 SMOOTH = (
@@ -143,7 +143,7 @@ SMOOTH = (
 GOALS: dict[bool, tuple[Goal, ...]] = {
     False: (
         *(
-            Goal(what, scenes, f"the best of {SOLVE_IVP}", EXPLICIT_SOLVE_IVP, DECADES, 3.0)
+            Goal(what, scenes, f"the best of {SOLVE_IVP}", OF_SOLVE_IVP, DECADES, 3.0)
             for what, scenes in SMOOTH
         ),
         *(Goal(what, scenes, ODEINT, (ODEINT,), DECADES, 1.0) for what, scenes in SMOOTH),

@@ -205,10 +205,10 @@ HEYOKA = "heyoka"
 PATIENT = 0.3  # cut-off [s] of the rivals that are fastest where nothing is stiff
 
 PYTHON_RIVALS = (
-    Solver("DOP853", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, DOP853, False), cut_off=PATIENT),
+    Solver("DOP853", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, DOP853, False), cut_off=PATIENT),
     Solver("LSODA", SOLVE_IVP, tolerances(0.25), partial(_solve_ivp, LSODA, True), cut_off=PATIENT),
     Solver("RK45", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, RK45, False)),
-    Solver("Radau", SOLVE_IVP, tolerances(0.5), partial(_solve_ivp, Radau, True)),
+    Solver("Radau", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, Radau, True)),
     Solver("BDF", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, BDF, True)),
     Solver(ODEINT, ODEINT, tolerances(0.25), partial(_odeint, in_python, True), cut_off=PATIENT),
 )

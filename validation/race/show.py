@@ -162,6 +162,8 @@ def against_time(fmu: Fmu, scene: Scene, headline: bool) -> Plot:
     points: dict[str, list[tuple[float, float]]] = {}
     for key, rung in race.rungs.items():
         points.setdefault(key[0], []).append((rung.errors.largest, race.median(key)))
+    for of_solver in points.values():
+        of_solver.sort()
     carrier = "native FMU" if fmu.native else "FMU"
     title = f"Error against run time, {carrier}: {scene.name}"
     return Plot(
@@ -183,7 +185,7 @@ def _curves(points: dict[str, list[tuple[float, float]]]) -> list[Curve]:
     curves = []
     for name, (colour, line, marker) in STYLES.items():
         if name in points:
-            x, y = zip(*sorted(points[name], key=lambda point: point[1]), strict=True)
+            x, y = zip(*points[name], strict=True)
             curves.append(Curve(name, x, y, line, marker, colour))
     return curves
 
