@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from methods.solvers import SolverMethod
-from tests.twin import OUTPUTS, Twin
+from tests.plants import PENDULUM
+from tests.twin import Twin
 
 REWRITTEN = (SolverMethod.ExplicitEuler, SolverMethod.ExplicitMidPoint2, SolverMethod.ExplicitRungeKutta4)
 PROGRAM = """
@@ -54,7 +55,7 @@ def test_without_sources_the_fmu_has_the_same_bits(fmu_path: Path, tmp_path: Pat
         plain, *values = line.split()
         # With a source the explicit Runge-Kutta methods are rewritten; the others never are.
         assert plain == str(not source or method not in REWRITTEN)
-        twin = Twin(solver_method=method, tau=0.7)
+        twin = Twin(PENDULUM, {"solver.method": method, "tau": 0.7})
         for k in range(5):
             twin.step(0.25 * k, 0.25)
-        assert tuple(map(float.fromhex, values)) == twin.outputs[: len(OUTPUTS) - 1]
+        assert tuple(map(float.fromhex, values)) == twin.outputs[: len(PENDULUM.outputs) - 1]

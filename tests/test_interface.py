@@ -8,7 +8,7 @@ import pytest
 from fmpy.model_description import ModelDescription, ScalarVariable
 
 import build_fmu
-from damped_pendulum.interface import INTERFACE, TYPES, UNITS, VARIABLES
+from damped_pendulum.interface import INTERFACE, TYPES, VARIABLES
 from fmi.tables import Variable
 from methods.solvers import SolverMethod
 
@@ -81,7 +81,7 @@ def test_a_range_ends_where_its_text_says(variable: Variable) -> None:
 
 
 def test_every_unit_and_type_is_defined_and_used() -> None:
-    units = {unit.name for unit in UNITS}
+    units = {unit.name for unit in INTERFACE.units}
     assert {type_.unit for type_ in TYPES} == units
     used = {variable.type for variable in VARIABLES} - {"SolverMethod", "Integer"}
     assert {type_.name for type_ in TYPES} == used
@@ -101,7 +101,7 @@ def test_base_units_multiply_to_the_unit(unit: str, definition: str) -> None:
     powers: dict[str, int] = {}
     for sign, base in re.findall(r"(^|[./])([a-z]+)", definition):
         powers[base] = powers.get(base, 0) + (-1 if sign == "/" else 1)
-    assert next(u for u in UNITS if u.name == unit).base == powers
+    assert next(u for u in INTERFACE.units if u.name == unit).base == powers
 
 
 def test_degrees_are_shown_for_angles_only(description: ModelDescription) -> None:

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from math import inf, isfinite
 
 from numpy.typing import ArrayLike
 
 
+class About(Enum):
+    """What a check is about: a fault of the FMU can break a row of the first kind, and must not touch the second."""
+
+    FMU = "the FMU"
+    FORMULAS = "the documents and formulas"
+
+
 @dataclass(frozen=True)
 class Check:
-    """A number that the FMU gave, and the bound it must keep.
+    """A number, and the bound it must keep.
 
     Attributes
     ----------
@@ -21,6 +29,7 @@ class Check:
     reason : where the bound comes from
     unit : of both numbers, "" for a pure number
     at_least : whether `bound` is a lower one
+    about : what the number comes from
     """
 
     name: str
@@ -29,6 +38,7 @@ class Check:
     reason: str
     unit: str = ""
     at_least: bool = False
+    about: About = About.FMU
 
     @property
     def holds(self) -> bool:
@@ -48,6 +58,13 @@ class Check:
         verdict = "holds" if self.holds else "FAILS"
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.name}: {self.measured:.3g} {relation} {self.bound:.3g}{unit} {verdict} ({self.reason})"
+
+
+def formula(
+    name: str, measured: float, bound: float, reason: str, unit: str = "", at_least: bool = False
+) -> Check:
+    """Return a row about the documents and formulas."""
+    return Check(name, measured, bound, reason, unit, at_least, About.FORMULAS)
 
 
 @dataclass(frozen=True)
@@ -82,7 +99,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class Plot:
-    """A picture of the report as data: curves, or a map of values 0..1 over a logarithmic plane with curves on it."""
+    """A picture of the report as data: curves, or a map of values 0..1 over a logarithmic plane with curves on it.
+
+    `note` is its caption: what to see in it. `below` are curves of a second panel with the same abscissa.
+    """
 
     title: str
     x_label: str
@@ -93,6 +113,9 @@ class Plot:
     headline: bool = False  # shown at the top of the report, too
     y_range: tuple[float, float] | None = None
     shade: tuple[ArrayLike, ArrayLike, ArrayLike] | None = field(default=None, repr=False)
+    below: Sequence[Curve] = ()
+    below_label: str = ""
+    below_logarithmic: str = ""  # of the second panel
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from math import log2
+from math import log2, sqrt
 from typing import TypeVar
 
 import numpy as np
@@ -11,8 +11,27 @@ from numpy.typing import NDArray
 
 from .fmu import W0
 
+# Conventions: numbers that no theory gives, the same for all studies.
+SAFETY = 1.5  # times a leading term whose next one is not computed
+SIGMAS = 4.0  # standard deviations that a random walk of roundings is given
+ORDER = 0.1  # deviation of an observed order from that in theory
+ROUNDING = 2.0**-53 / sqrt(3)  # standard deviation of a relative rounding; the largest is 2^-53
+
 Array = NDArray[np.float64]
 Quantity = TypeVar("Quantity", float, Array)
+
+
+def walk(steps: float) -> float:
+    """Return what that many relative roundings add up to, at random."""
+    return SIGMAS * ROUNDING * sqrt(steps)
+
+
+def free_rounding(time: float, substep: float, w0: float = W0) -> float:
+    """Return the round-off of a free motion relative to its size: of the state, and of the phase w0*time itself.
+
+    The substep rounds the same way each time, and so does the argument of the exact sine.
+    """
+    return walk(time / substep) + 2.0**-52 * w0 * time
 
 
 def state_error(phi: Array, w: Array, exact: tuple[Array, Array], w0: float = W0) -> float:

@@ -41,6 +41,8 @@ from .linear import (
     impulse_response,
     pulse_response,
     real_roots,
+    rk4_error,
+    rk4_error_rate,
     sinusoidal_response,
     step_response,
 )
@@ -71,6 +73,8 @@ __all__ = [
     "period_slope",
     "pulse_response",
     "real_roots",
+    "rk4_error",
+    "rk4_error_rate",
     "series_length",
     "series_terms",
     "sinusoidal_response",

@@ -42,17 +42,13 @@ def _dot(weights: Sequence[float], slopes: Sequence[complex]) -> complex:
     return total
 
 
-def taylor_stability(order: int) -> Callable[[complex], complex]:
-    """Return R(z), the Taylor polynomial of exp(z) of the degree `order`."""
-
-    def R(z: complex) -> complex:
-        total = term = 1 + 0j
-        for n in range(1, order + 1):
-            term *= z / n
-            total += term
-        return total
-
-    return R
+def taylor_stability(order: int, z: complex) -> complex:
+    """Return the Taylor polynomial of exp(z) of the degree `order`."""
+    total = term = 1 + 0j
+    for n in range(1, order + 1):
+        term *= z / n
+        total += term
+    return total
 
 
 @dataclass(frozen=True)
@@ -62,17 +58,21 @@ class Method:
     Attributes
     ----------
     order : of the error at a fixed time
-    stability : R(z)
-    implicit : whether it has no limit of stability
+    tableau : of a Runge-Kutta method; None is the Taylor series of the solution up to `order`
+    stable : whether no step is too long for the damped linear pendulum
     drift_power, drift : dE/dt = h^drift_power*drift(phi, w, w02) per m*L^2, the leading dissipative term of the
         modified equation of the undamped pendulum along the exact orbit
     """
 
     order: int
-    stability: Callable[[complex], complex]
-    implicit: bool = False
+    tableau: Tableau | None = None
+    stable: bool = False
     drift_power: int = 0
     drift: Drift | None = None
+
+    def stability(self, z: complex) -> complex:
+        """Return R(z), the factor of a step of y' = lambda*y."""
+        return taylor_stability(self.order, z) if self.tableau is None else self.tableau.stability(z)
 
     def energy_drift(self, h: float, orbit: State, w02: float) -> float:
         """Return the mean of dE/dt per m*L^2 [rad2/s3], steps of `h` [s], over equidistant states of a period."""
@@ -124,16 +124,14 @@ SDIRK4 = Tableau(  # Hairer, Wanner II, table IV.6.5
 )
 
 METHODS = {
-    "ExplicitEuler": Method(1, EULER.stability, drift_power=1, drift=_euler_drift),
-    "ExplicitMidPoint2": Method(2, MIDPOINT.stability, drift_power=3, drift=_midpoint_drift),
-    "ExplicitRungeKutta4": Method(4, RK4.stability, drift_power=5, drift=_rk4_drift),
-    "ImplicitEuler": Method(
-        1, IMPLICIT_EULER.stability, implicit=True, drift_power=1, drift=_implicit_euler_drift
-    ),
-    "ImplicitTrapezoid": Method(2, TRAPEZOID.stability, implicit=True),
-    "TRBDF2": Method(2, TRBDF2.stability, implicit=True),
-    "SDIRK4": Method(4, SDIRK4.stability, implicit=True),
-    "TaylorSeries": Method(16, taylor_stability(16)),
+    "ExplicitEuler": Method(1, EULER, drift_power=1, drift=_euler_drift),
+    "ExplicitMidPoint2": Method(2, MIDPOINT, drift_power=3, drift=_midpoint_drift),
+    "ExplicitRungeKutta4": Method(4, RK4, drift_power=5, drift=_rk4_drift),
+    "ImplicitEuler": Method(1, IMPLICIT_EULER, stable=True, drift_power=1, drift=_implicit_euler_drift),
+    "ImplicitTrapezoid": Method(2, TRAPEZOID, stable=True),
+    "TRBDF2": Method(2, TRBDF2, stable=True),
+    "SDIRK4": Method(4, SDIRK4, stable=True),
+    "TaylorSeries": Method(16),
 }
 
 

@@ -23,6 +23,7 @@ NAMES = (
     "grillo",
     "errata",
     "work_precision",
+    "methods",
     "stability",
     "stiff_extreme",
 )

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import nan, radians, sqrt, ulp
+from functools import cache
+from math import cos, nan, pi, radians, sin, sqrt, ulp
 
 import numpy as np
 
 from .. import references
-from ..checks import Check, Curve, Plot, Result, Table
-from ..fmu import W02, Experiment, Fmu, G, SolverMethod
-from ..metrics import largest, observed_order, phase_and_drift, state_error, upward_crossings
+from ..checks import Check, Curve, Plot, Result, Table, formula
+from ..fmu import W02, Experiment, Fmu, G, SolverMethod, degrees
+from ..metrics import (
+    ORDER,
+    ROUNDING,
+    SIGMAS,
+    Array,
+    largest,
+    observed_order,
+    phase_and_drift,
+    state_error,
+    upward_crossings,
+)
+from ..references import discrete
+from ..references.methods import METHODS
 from .scene import Scene
 
 TITLE = "Elliptic period"
@@ -22,14 +35,17 @@ GRAVITIES = (G, 9.81)
 PERIODS = 5
 STEP = 0.008  # communication step [s], 8, 4 and 2 substeps; the interpolation is then exact to 4e-16 s
 SUBSTEP = 1e-3  # [s], the default
-# (T_RK4/T - 1)/(h*w0)^4 by amplitude [deg], from RK4's modified equation averaged over the orbit, four digits; larger
-# swings drift so much that three runs do not tell the phase error alone.
-PHASE_ERROR: dict[float, float] = {1: 0.008332, 30: 0.007455, 60: 0.005478}
+RK4 = SolverMethod.ExplicitRungeKutta4.name
+PHASE_AMPLITUDE = 0.1  # [deg] of the swing that shows RK4's h^4 error alone
+PHASE_SUBSTEP = 2e-3  # of the finest of its runs [s]; the error is then far above rounding
 
 
 @dataclass(frozen=True)
 class PeriodScene(Scene):
-    """An amplitude [deg] and a gravity acceleration [m/s2]."""
+    """An amplitude [deg] and a gravity acceleration [m/s2].
+
+    What is judged is the part of the error that RK4's own error, in theory, leaves unexplained.
+    """
 
     TITLE = "period at {0.amplitude:g} deg, g = {0.g:g}"
 
@@ -37,66 +53,159 @@ class PeriodScene(Scene):
     g: float
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
-        """Yield the rows."""
+        """Yield the period."""
         amplitude = radians(self.amplitude)
         exact = references.period(amplitude, self.g)
-        fine, coarse, coarser = (measured_period(fmu, amplitude, self.g, n * SUBSTEP) for n in (1, 2, 4))
-        phase, drift = phase_and_drift(fine, coarse, coarser)  # the drift of the amplitude changes the period
-        truncation = abs(phase) + abs(drift)
-        # The roundings of phi walk randomly during the time 1/w0 for which the pendulum remembers its amplitude.
-        wander = ulp(amplitude) * sqrt(1 / (SUBSTEP * sqrt(self.g)))
-        floor = 5e-14 * exact + references.period_slope(amplitude, self.g) * wander
+        error = measured_period(fmu, amplitude, self.g, SUBSTEP) - exact
+        predicted = predicted_error(amplitude, self.g)
+        rounding = _rounding(amplitude, self.g)
+        neglected = _neglected(amplitude, self.g)
         yield Check(
-            self.name,
-            abs(fine - exact),
-            1.5 * truncation + floor,
-            f"1.5 x (h^4 + h^5 error {truncation:.1e} s) + round-off {floor:.1e} s",
+            f"{self.name}: error beyond that of RK4",
+            abs(error - predicted),
+            rounding + neglected * abs(predicted),
+            f"error {error:.3e} s, of RK4 {predicted:.3e} s (h^4 and h^5 terms of the discrete motion); round-off "
+            f"{rounding:.1e} s, next terms {neglected:.1e} of those",
             "s",
         )
-        if self.amplitude in PHASE_ERROR:
-            z4 = (SUBSTEP * sqrt(self.g)) ** 4
-            predicted = PHASE_ERROR[self.amplitude] * z4 * exact
-            yield Check(
-                f"h^4 error of RK4's {self.name}",
-                abs(phase / predicted - 1),
-                (32 + 1) / 240 * 2 * floor / predicted + 1e-3 + 16 * sqrt(z4),
-                f"{predicted:.3e} s in theory; round-off of three runs, its last digit, and the next term (4*h*w0)^2",
-            )
+
+
+@dataclass(frozen=True)
+class PhaseScene(Scene):
+    """The h^4 error of RK4's period of small swings: the argument of R(i*z) is z*(1 - z^4/120), z = h*w0."""
+
+    TITLE = "h^4 error of RK4's period"
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the error, told from the h^5 error by three runs."""
+        amplitude = radians(PHASE_AMPLITUDE)
+        phase, _ = phase_and_drift(
+            *(measured_period(fmu, amplitude, G, n * PHASE_SUBSTEP) for n in (1, 2, 4))
+        )
+        z = PHASE_SUBSTEP * sqrt(G)
+        predicted = z**4 / 120 * references.period(amplitude, G)
+        rounding = (32 + 1) / (16 * 15) * 2 * _rounding(amplitude, G)
+        yield Check(
+            f"{self.name} at {PHASE_AMPLITUDE:g} deg",
+            abs(phase / predicted - 1),
+            amplitude**2 + 16 * z * z + rounding / predicted,
+            "(h*w0)^4/120 of the period in theory; the amplitude squared, the next term (4*h*w0)^2, and round-off",
+        )
+
+
+def measured_period(fmu: Fmu, amplitude: float, g: float, substep: float) -> float:
+    """Return the mean period [s] of `PERIODS` swings of the FMU from `amplitude` [rad], NaN if it shows fewer."""
+    start = {"gamma": 0.0, "g": g, "phi_start": amplitude, "solver.stepSize": substep}
+    run = fmu.run(Experiment(_stop(amplitude, g), STEP, start, record=("phi", "w", "a")))
+    return _mean_period(run.t, run["phi"], run["w"], run["a"])
+
+
+def _stop(amplitude: float, g: float) -> float:
+    return STEP * round((PERIODS + 0.8) * references.period(amplitude, g) / STEP)
+
+
+def _mean_period(t: Array, phi: Array, w: Array, a: Array) -> float:
+    crossings = upward_crossings(t, phi, w, a)
+    return (crossings[PERIODS] - crossings[0]) / PERIODS if len(crossings) > PERIODS else nan
+
+
+def predicted_error(amplitude: float, g: float) -> float:
+    """Return the h^4 and h^5 errors [s] of RK4's mean period; they scale with the powers of h*w0."""
+    phase, drift = _discrete_errors(amplitude)
+    z = sqrt(g / G)
+    return (phase * z**4 + drift * z**5) / z
+
+
+@cache
+def _discrete_errors(amplitude: float) -> tuple[float, float]:
+    """Return the h^4 and the h^5 error [s] at g = G, from the discrete motion with h, 2h and 4h."""
+    t = Experiment(_stop(amplitude, G), STEP).times()
+    periods = []
+    for n in (1, 2, 4):
+        phi, w = discrete.motion(RK4, t, amplitude, 0.0, 0.0, G, n * SUBSTEP)
+        periods.append(_mean_period(np.array(t), phi, w, -G * np.sin(phi)))
+    return phase_and_drift(*periods)
+
+
+def _rounding(amplitude: float, g: float) -> float:
+    """Return the round-off [s] of the mean period.
+
+    Each substep rounds the state: the phase walks randomly, and so does the energy at each of the two fast passages of
+    a swing, about 2/w0 long. A period remembers all passages before it: those of the j-th swing enter the mean with the
+    weight (PERIODS + 1 - j)/PERIODS. The nearer the separatrix, the
+    more sensitive is the period to the energy. Times round, too.
+    """
+    w0 = sqrt(g)
+    passage = 2 / (SUBSTEP * w0)  # substeps
+    remembered = sum(((PERIODS + 1 - j) / PERIODS) ** 2 for j in range(1, PERIODS + 1))
+    phase = sqrt(PERIODS * references.period(amplitude, g) / SUBSTEP) / (w0 * PERIODS)
+    energy = (
+        4 * sin(amplitude / 2) ** 2 * sqrt(2 * remembered * passage)
+    )  # of 1 - cos, relative to a rounding
+    clock = ulp(_stop(amplitude, g)) / PERIODS
+    return clock + SIGMAS * ROUNDING * (
+        phase + references.period_slope(amplitude, g) * energy / sin(amplitude)
+    )
+
+
+def _neglected(amplitude: float, g: float) -> float:
+    """Return the next terms relative to the h^4 and h^5 errors: (4*h*w0)^2, and what the drift itself changes.
+
+    At 4h the drift takes this part of the distance of the energy from that of the separatrix.
+    """
+    h = 4 * SUBSTEP
+    T = references.period(amplitude, g)
+    orbit = references.libration(np.arange(400) * T / 400, amplitude, g)
+    rk4 = METHODS[RK4]
+    lost = abs(rk4.energy_drift(h, orbit, g)) * (PERIODS + 0.8) * T
+    return h * h * g + lost / (2 * g * cos(amplitude / 2) ** 2)
 
 
 @dataclass(frozen=True)
 class OrderScene(Scene):
-    """A method, an amplitude [deg] and the coarser of two numbers of substeps per period."""
+    """A method, an amplitude [deg] and the coarser of two numbers of substeps per period.
 
-    TITLE = "order of {0.method.name} at {0.amplitude:g} deg"
+    The errors at both are those of the discrete motion, of which they show the order.
+    """
+
+    TITLE = "{0.method.name} over a period from {0.amplitude:g} deg"
 
     method: SolverMethod
-    order: int
     amplitude: float
     substeps: int
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
-        """Yield the rows."""
-        amplitude = radians(self.amplitude)
+        """Yield the errors and the order."""
+        amplitude, order = radians(self.amplitude), METHODS[self.method.name].order
         T = references.period(amplitude, W02)
-        errors = []
+        distances, errors, expected = [], [], []
         for n in (self.substeps, 2 * self.substeps):
-            run = fmu.run(
-                Experiment(
-                    stop=T,
-                    step=T / 20,
-                    start={
-                        "gamma": 0.0,
-                        "phi_start": amplitude,
-                        "solver.method": self.method,
-                        "solver.stepSize": T / n,
-                    },
-                    record=("phi", "w"),
-                )
+            start = degrees(self.amplitude) | {"solver.method": self.method, "solver.stepSize": T / n}
+            run = fmu.run(Experiment(T, T / 20, start, record=("phi", "w")))
+            exact = references.libration(run.t, amplitude, W02)
+            discrete_motion = discrete.motion(
+                self.method.name, run.t.tolist(), amplitude, 0.0, 0.0, W02, T / n
             )
-            errors.append(state_error(run["phi"], run["w"], references.libration(run.t, amplitude, W02)))
-        order = observed_order(*errors)
-        yield Check(self.name, abs(order - self.order), 0.1, f"observed {order:.3f}, theory {self.order}")
+            distances.append(state_error(run["phi"], run["w"], discrete_motion))
+            errors.append(state_error(run["phi"], run["w"], exact))
+            expected.append(state_error(*discrete_motion, exact))
+        # Both round. What moves the amplitude moves the phase, too.
+        runaway = 2 * pi * amplitude * references.period_slope(amplitude, W02) / T
+        rounding = 2 * SIGMAS * ROUNDING * amplitude * sqrt(2 * self.substeps) * (1 + runaway)
+        yield Check(
+            f"{self.name}: distance from its discrete motion",
+            largest(distances),
+            rounding,
+            f"round-off of two runs; errors {errors[0]:.2e} and {errors[1]:.2e} rad with {self.substeps} and "
+            f"{2 * self.substeps} substeps",
+            "rad",
+        )
+        yield formula(
+            f"{self.name}: order",
+            abs(observed_order(*expected) - order),
+            ORDER,
+            f"observed {observed_order(*expected):.3f} in the discrete motion, theory {order}; {ORDER} by convention",
+        )
 
 
 @dataclass(frozen=True)
@@ -113,14 +222,14 @@ class FormulaScene(Scene):
             for g in GRAVITIES
             for amplitude in amplitudes
         ]
-        yield Check(
+        yield formula(
             "AGM(1, k') against ellipkm1(k'^2)",
             largest(relative),
             4e-16,
             "both are correct to 1.7e-16, and their quotient rounds",
         )
         near = radians(179.9999)
-        yield Check(
+        yield formula(
             "ellipk(sin^2) is wrong near 180 deg",
             abs(references.period_by_ellipk(near, W02) / references.period(near, W02) - 1),
             1e-6,
@@ -151,30 +260,16 @@ class FormulaScene(Scene):
 
 # Substeps per period where the next term of the error expansion, a relative h*w0*pi for the Euler methods and less
 # for the others, changes the observed order by less than 0.1; rounding is still far below.
-ORDERS = (
-    (SolverMethod.ExplicitEuler, 1, 2000),
-    (SolverMethod.ImplicitEuler, 1, 2000),
-    (SolverMethod.ExplicitMidPoint2, 2, 400),
-    (SolverMethod.ExplicitRungeKutta4, 4, 200),
-)
+SUBSTEPS = {
+    SolverMethod.ExplicitEuler: 2000,
+    SolverMethod.ImplicitEuler: 2000,
+    SolverMethod.ExplicitMidPoint2: 400,
+    SolverMethod.ExplicitRungeKutta4: 200,
+}
 
 SCENES = (
     FormulaScene(),
     *(PeriodScene(amplitude, g) for g in GRAVITIES for amplitude in AMPLITUDES),
-    *(OrderScene(method, order, amplitude, n) for method, order, n in ORDERS for amplitude in (30, 90)),
+    PhaseScene(),
+    *(OrderScene(method, amplitude, n) for method, n in SUBSTEPS.items() for amplitude in (30, 90)),
 )
-
-
-def measured_period(fmu: Fmu, amplitude: float, g: float, substep: float) -> float:
-    """Return the mean period [s] of `PERIODS` swings of the FMU from `amplitude` [rad], NaN if it shows fewer."""
-    exact = references.period(amplitude, g)
-    run = fmu.run(
-        Experiment(
-            stop=STEP * round((PERIODS + 0.8) * exact / STEP),
-            step=STEP,
-            start={"gamma": 0.0, "g": g, "phi_start": amplitude, "solver.stepSize": substep},
-            record=("phi", "w", "a"),
-        )
-    )
-    crossings = upward_crossings(run.t, run["phi"], run["w"], run["a"])
-    return (crossings[PERIODS] - crossings[0]) / PERIODS if len(crossings) > PERIODS else nan
