@@ -159,12 +159,19 @@ class Fmu:
         self._slave.freeInstance()
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def run(self, experiment: Experiment, host: Host | None = None) -> Run:
+    def run(self, experiment: Experiment) -> Run:
         """Simulate from a fresh state; a failure of the FMU ends the run and is part of its result.
 
         The functions of the FMU are called as FMPy has loaded them, without the wrappers in Python around them, so
-        that the time is that of the FMU. A `host` takes the place of the loop in Python over the communication steps.
+        that the time is that of the FMU.
         """
+        return self._run(experiment, None)
+
+    def run_in(self, host: Host, experiment: Experiment) -> Run:
+        """Simulate in a compiled host, which has the loop over the communication steps and sets no held torque."""
+        return self._run(experiment, host)
+
+    def _run(self, experiment: Experiment, host: Host | None) -> Run:
         slave, component = self._slave, self._slave.component
         do_step = slave.dll.fmi2DoStep
         times = experiment.times()
@@ -183,7 +190,7 @@ class Fmu:
             if ready:
                 rows.append(read())
             if host is not None and ready:
-                seconds = self._run_in(host, experiment, times, rows)
+                seconds = self._loop_of(host, experiment, times, rows)
             else:
                 begin = clock()
                 for now, then in pairwise(times) if ready else ():
@@ -207,7 +214,7 @@ class Fmu:
             warnings=[text for status, text in self._messages if status == fmi2Warning],
         )
 
-    def _run_in(
+    def _loop_of(
         self, host: Host, experiment: Experiment, times: Sequence[float], rows: list[list[float]]
     ) -> float:
         """Run in a compiled host, append to `rows` what it reads, and return its time [s]."""

@@ -14,7 +14,7 @@ from .scenes import Scene
 
 FMU = "FMU"
 MOST_SUBSTEPS = 20  # power of two, of those in a communication step
-CUT_OFF = {False: 0.05, True: 0.01}  # [s], by whether the FMU is native
+CUT_OFF = {False: 0.1, True: 0.01}  # [s], by whether the FMU is native
 
 
 @cache
@@ -80,7 +80,7 @@ def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float, _: float) -> 
     stride = 1 if scene.drive is None else int(substeps)
 
     def run() -> Outcome:
-        done = fmu.run(prepared, host)
+        done = fmu.run(prepared) if host is None else fmu.run_in(host, prepared)
         failure = "diverged" if done.failure else ""
         return Outcome(done.seconds, done["phi"][::stride], done["w"][::stride], done.nfev, failure)
 

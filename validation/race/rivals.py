@@ -202,7 +202,7 @@ SOLVE_IVP = "solve_ivp"
 ODEINT = "odeint"
 COMPILED_ODEINT = "odeint, f in C"
 HEYOKA = "heyoka"
-PATIENT = 0.3  # cut-off [s] of the rivals that are fastest where nothing is stiff
+PATIENT = 0.4  # cut-off [s] of the rivals that are fastest where nothing is stiff
 
 PYTHON_RIVALS = (
     Solver("DOP853", SOLVE_IVP, tolerances(1.0), partial(_solve_ivp, DOP853, False), cut_off=PATIENT),

@@ -569,7 +569,7 @@ RACES: tuple[Scene, ...] = (
         lambda fmu: iter(substeps(fmu)),
     ),
     Case("cost of a call and of a substep", _cost),
-    Case("communication steps", _communication),
+    Case("cost of short communication steps", _communication),
     Case("goals", _goals),
     Case("which method for which task", _choice),
 )
