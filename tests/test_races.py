@@ -18,6 +18,8 @@ from validation.fmu import Fmu, SolverMethod
 from validation.race import contest
 from validation.race.judging import GROUPS, OURS
 from validation.race.scenes import EXTREME
+from validation.report import page
+from validation.report.section import Section
 from validation.studies import work_precision
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -236,3 +238,11 @@ def test_a_goal_that_nobody_measured_is_missed(monkeypatch: pytest.MonkeyPatch) 
     assert not row.holds
     assert "pip install '.[peers]'" in row.reason
     assert row.verdict.endswith("none, at least 1")
+
+
+def test_a_table_that_is_not_shown_is_in_its_file_with_its_head(fmu_path: Path, tmp_path: Path) -> None:
+    table = Table("All runs", ("seconds",), [(1.5,)], shown=False, head=(("CPU", "a fast one"),))
+    written = page.write([Section("study", "", "", [table])], tmp_path, fmu_path, pictures=False)
+    assert "All runs" not in written.read_text("utf-8")
+    file = tmp_path / "study-all-runs.csv"
+    assert file.read_text("utf-8").splitlines() == ["# CPU: a fast one", "seconds", "1.5"]
