@@ -90,7 +90,7 @@ def test_a_rival_is_fitted_by_its_evaluations_not_by_a_time() -> None:
 def test_a_ladder_ends_at_the_least_error_or_at_the_cut_off() -> None:
     assert contest.ladder(second_order("to the error"), SCENE)[-1].knob == 128
     slow = second_order("to the cut-off", seconds=lambda n: 0.1 * n)
-    assert contest.ladder(slow, SCENE)[-1].knob == 16
+    assert contest.ladder(slow, SCENE)[-1].knob == 8
     assert why_not([slow], SCENE, 1e-4) == "cut off at 1 s"
 
 

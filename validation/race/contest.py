@@ -74,29 +74,36 @@ def measured(solver: Solver, scene: Scene, knob: float) -> Rung:
 def ladder(solver: Solver, scene: Scene) -> Sequence[Rung]:
     """Return runs of rising accuracy, up to the least error of the scene or the cut-off.
 
-    A single run with a tolerance that takes too long may be an accident: some rivals lose their way if that is large.
+    A run with twice the substeps takes twice the time, so that it is known before. A single run with a tolerance that
+    takes too long may be an accident: some rivals lose their way if that is large.
     """
-    accidents = 0 if solver.counts_substeps else 1
+    accidents, longest = (0, solver.cut_off / 2) if solver.counts_substeps else (1, solver.cut_off)
     rungs: list[Rung] = []
     for knob in solver.knobs:
         rungs.append(measured(solver, scene, knob))
-        too_long = [rung.seconds > solver.cut_off for rung in rungs[-1 - accidents :]]
+        too_long = [rung.seconds > longest for rung in rungs[-1 - accidents :]]
         if rungs[-1].errors.largest <= scene.targets[-1] or (len(rungs) > accidents and all(too_long)):
             break
     return rungs
 
 
+def reaching(solver: Solver, scene: Scene, error: float) -> Rung | None:
+    """Return the cheapest run of the ladder that reaches an error, None if there is none."""
+    found = [rung for rung in ladder(solver, scene) if rung.errors.largest <= error]
+    if solver.counts_substeps:
+        return next(iter(found), None)
+    return min(
+        found, key=lambda rung: rung.seconds if isnan(rung.evaluations) else rung.evaluations, default=None
+    )
+
+
 @cache
 def fitted(solver: Solver, scene: Scene, error: float) -> Rung | None:
-    """Return the cheapest run that reaches an error, None if the ladder has none."""
-    rungs = ladder(solver, scene)
-    reaching = [rung for rung in rungs if rung.errors.largest <= error]
-    if not reaching:
-        return None
-    if not solver.counts_substeps:
-        return min(reaching, key=lambda rung: rung.seconds if isnan(rung.evaluations) else rung.evaluations)
-    found = reaching[0]
-    low = max((rung.knob for rung in rungs if rung.knob < found.knob), default=0)
+    """Return the cheapest run that reaches an error, between the steps of the ladder, too."""
+    found = reaching(solver, scene, error)
+    if found is None or not solver.counts_substeps:
+        return found
+    low = max((rung.knob for rung in ladder(solver, scene) if rung.knob < found.knob), default=0)
     while found.knob - low > max(1, FINENESS * found.knob):
         middle = measured(solver, scene, (low + found.knob) // 2)
         if middle.errors.largest <= error:
@@ -134,22 +141,30 @@ class Race:
 def race(solvers: Sequence[Solver], scene: Scene) -> Race:
     """Let the solvers climb their ladders, and race those that are fast enough."""
     rungs: dict[Key, Rung] = {}
-    reaching: dict[float, list[Key]] = {}
+    keys: dict[float, list[Key]] = {}
     for error in scene.targets:
         chosen = list(_contenders(solvers, scene, error))
         rungs |= {(rung.solver.name, rung.knob): rung for rung in chosen}
-        reaching[error] = [(rung.solver.name, rung.knob) for rung in chosen]
+        keys[error] = [(rung.solver.name, rung.knob) for rung in chosen]
     runs = {key: rung.solver.prepare(scene, rung.knob, inf) for key, rung in rungs.items()}
     runners = {key: lambda run=run: run().seconds for key, run in runs.items()}
     times = races.race(runners, ROUNDS, SPEND) if runners else {}
-    return Race(scene, rungs, times, reaching)
+    return Race(scene, rungs, times, keys)
 
 
 def _contenders(solvers: Sequence[Solver], scene: Scene, error: float) -> Iterator[Rung]:
+    """Yield the runs of those that are fast enough; a ladder can take twice the time of what is fitted in it."""
     for family in dict.fromkeys(solver.family for solver in solvers):
-        found = [fitted(solver, scene, error) for solver in solvers if solver.family == family]
-        reaching = [rung for rung in found if rung is not None]
-        least = min((rung.seconds for rung in reaching), default=nan)
-        for rung in reaching:
-            if rung.seconds <= CLOSE * least or (error in COARSE and rung.seconds <= SLOW):
-                yield rung
+        able = [solver for solver in solvers if solver.family == family and reaching(solver, scene, error)]
+        coarse = _fast_enough([reaching(solver, scene, error) for solver in able], error, 2)
+        yield from _fast_enough([fitted(rung.solver, scene, error) for rung in coarse], error, 1)
+
+
+def _fast_enough(rungs: Sequence[Rung | None], error: float, margin: float) -> list[Rung]:
+    found = [rung for rung in rungs if rung is not None]
+    least = min((rung.seconds for rung in found), default=nan)
+    return [
+        rung
+        for rung in found
+        if rung.seconds <= margin * CLOSE * least or (error in COARSE and rung.seconds <= margin * SLOW)
+    ]

@@ -13,7 +13,7 @@ from .. import races
 from ..fmu import Fmu, SolverMethod
 from ..races import Claim, Ratio
 from . import carriers, contest
-from .contest import Key, Race, fitted, ladder, race
+from .contest import Key, Race, ladder, race, reaching
 from .rivals import COMPILED_ODEINT, HEYOKA, ODEINT, PYTHON_RIVALS, SOLVE_IVP, Solver, compiled_rivals
 from .scenes import COARSE, DAMPED, DECADES, EXTREME, ROTATION, STIFF, UNDAMPED, Scene
 
@@ -72,9 +72,9 @@ def why_not(solvers: Sequence[Solver], scene: Scene, error: float) -> str:
     """Return why none of the solvers reaches an error: "" if one does."""
     if not solvers:
         return "left out"
-    if any(fitted(solver, scene, error) for solver in solvers):
+    if any(reaching(solver, scene, error) for solver in solvers):
         return ""
-    slow = [solver.cut_off for solver in solvers if ladder(solver, scene)[-1].seconds > solver.cut_off]
+    slow = [solver.cut_off for solver in solvers if ladder(solver, scene)[-1].seconds > solver.cut_off / 2]
     if slow:
         return f"cut off at {max(slow):g} s"
     failed = all(rung.failure for solver in solvers for rung in ladder(solver, scene))

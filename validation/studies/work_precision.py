@@ -18,7 +18,7 @@ from .. import loops, races, references
 from ..checks import Check, Note, Result, Table
 from ..fmu import METHOD_NAMES, W0, W02, Experiment, Fmu, Run, SolverMethod
 from ..loops import Loop
-from ..metrics import largest, observed_order, state_error
+from ..metrics import observed_order, state_error
 from ..race import carriers, contest, show
 from ..race.compiler import NoCompilerError
 from ..race.judging import GOALS, GROUPS, raced, rivals
@@ -279,20 +279,7 @@ SCENES: tuple[Scene, ...] = (
             RK4: range(17, 19),
         },
     ),
-    Case("terms that do not act", lambda fmu: _terms_that_do_not_act(fmu)),
 )
-
-
-def _terms_that_do_not_act(fmu: Fmu) -> Iterator[Result]:
-    """Compare an undamped free swing with the same swing under a drag too small to change a bit."""
-    with_drag, without = (
-        fmu.run(Experiment(10.0, 1.0, {"gamma": gamma}, record=("phi", "w"))) for gamma in (1e-300, 0.0)
-    )
-    difference = largest(float(np.max(np.abs(with_drag[name] - without[name]))) for name in ("phi", "w"))
-    reason = "a term of 1e-300 is lost in the sum"
-    yield Check(
-        "the full form gives the same numbers as the one without drag", difference, 0.0, reason, "rad"
-    )
 
 
 # Races
