@@ -29,7 +29,7 @@ def show(section: Section, to: Console) -> None:
     if section.checks:
         to.print(_table(CHECK_COLUMNS[:-1], (check_cells(check)[:-1] for check in section.checks)))
     for result in section.results:
-        if isinstance(result, Table):
+        if isinstance(result, Table) and result.shown:
             to.print("\n" + result.title, markup=False)
             to.print(_table(result.columns, (tuple(map(cell, row)) for row in result.rows)))
         elif isinstance(result, Note):
