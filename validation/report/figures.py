@@ -14,8 +14,8 @@ from .section import Section
 
 INK = "#010203"  # of axes and text; in a page it is the colour of the text around the picture
 COLOURS = (INK, "#8a8a8a", "#3c78b4", "#b8862b", "#7a4ea3", "#5f9e33", "#d0552b", "#2a9a9a")
-# A solver has its colour in all pictures; the names are parts of the labels of curves. A rival has that of the method of
-# the FMU that it is most like.
+# A solver has its colour in all pictures; the names are parts of the labels of curves. A rival has that of the method
+# that it is most like.
 SOLVERS = {
     "ExplicitEuler": "#8a8a8a",
     "ExplicitMidPoint2": "#5f9e33",
