@@ -53,6 +53,7 @@ class Scene:
     scale : what errors are relative to [rad]
     targets : errors at which the solvers are compared; the reference is good to a tenth of the least
     drag : what the table "which method for which task" calls it, "" for a scene that it leaves out
+    leads : whether its picture leads the report, for which the slow are raced, too
     """
 
     name: str
@@ -66,6 +67,7 @@ class Scene:
     scale: float = 1.0
     targets: tuple[float, ...] = DECADES
     drag: str = ""
+    leads: bool = False
 
     @property
     def step(self) -> float:
@@ -118,7 +120,14 @@ def exact(scene: Scene) -> tuple[Array, Array]:
 
 AMPLITUDES = (30.0, 90.0, 170.0, 179.9)  # of the undamped swings [deg]
 UNDAMPED = tuple(
-    Scene(f"undamped {angle:g} deg, 20 s", 20.0, 20, radians(angle), drag="no" if angle == 90 else "")
+    Scene(
+        f"undamped {angle:g} deg, 20 s",
+        20.0,
+        20,
+        radians(angle),
+        drag="no" if angle == 90 else "",
+        leads=angle == 90,
+    )
     for angle in AMPLITUDES
 )
 ROTATION = Scene(

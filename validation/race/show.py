@@ -168,7 +168,7 @@ def _rungs(fmu: Fmu, race: Race) -> Iterator[Rung]:
 # Pictures
 
 
-def against_time(fmu: Fmu, scene: Scene, headline: bool) -> Plot:
+def against_time(fmu: Fmu, scene: Scene) -> Plot:
     """Return the largest errors against the medians of the run times, of all runs that were raced."""
     race = raced(fmu, scene)
     points: dict[str, list[tuple[float, float]]] = {}
@@ -179,7 +179,7 @@ def against_time(fmu: Fmu, scene: Scene, headline: bool) -> Plot:
     carrier = "native FMU" if fmu.native else "FMU"
     title = f"Error against run time, {carrier}: {scene.name}"
     return Plot(
-        title, f"largest error [{_unit(scene)}]", "time [s]", _curves(points), "xy", headline=headline
+        title, f"largest error [{_unit(scene)}]", "time [s]", _curves(points), "xy", headline=scene.leads
     )
 
 
