@@ -35,7 +35,7 @@ class Plant:
         self.system, self.effort = names.system, names.effort
         self.x_start, self.v_start = f"{names.x}_start", f"{names.v}_start"
         self.state = (self.x, self.v)
-        self.outputs = (*self.state, self.a, self.energy, "solver.nfev")
+        self.calculated = (*self.state, self.a, self.energy, "solver.nfev")
         self.reference = self.interface.references()
         self.variables = {variable.name: variable for variable in self.interface.variables}
         self.parameters = [v for v in self.interface.variables if v.causality == "parameter"]

@@ -42,12 +42,12 @@ def test_the_count_of_evaluations_stays_at_the_largest_that_can_be_read(fmu: Fmu
         assert instance.get(*fmu.plant.state) != before  # the motion goes on
         # A full count can be saved and restored like any other.
         state = instance.save()
-        data, now = instance.serialize(state), instance.get(*fmu.plant.outputs)
+        data, now = instance.serialize(state), instance.get(*fmu.plant.calculated)
         assert instance.restore(state) == OK
         instance.free_state(state)
     with fmu.instance() as other:
         assert other.restore_bytes(data) == OK
-        assert other.get(*fmu.plant.outputs) == now
+        assert other.get(*fmu.plant.calculated) == now
         assert other.step(0.08, 1.0) == OK
         assert other.get("solver.nfev") == (MOST,)
 

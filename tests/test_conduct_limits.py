@@ -87,11 +87,11 @@ def test_a_step_ends_beyond_the_stop_time_by_no_more_than_rounding(
         assert instance.initialize(drifting(fmu.plant), time=start, stop=stop) == OK
         for allowed in (-1.0, 0.0, 0.5, 0.7):
             assert step_that_ends(instance, stop + Fraction(allowed) * unit, duration, unit) == OK
-        before = instance.get(*fmu.plant.outputs)
+        before = instance.get(*fmu.plant.calculated)
         for refused in (1.3, 2.0, 10.0):
             assert is_error(step_that_ends(instance, stop + Fraction(refused) * unit, duration, unit))
         assert is_error(instance.step(stop, duration))
-        assert instance.get(*fmu.plant.outputs) == before
+        assert instance.get(*fmu.plant.calculated) == before
         assert len(instance.errors) == 4
         assert step_that_ends(instance, Fraction(stop), duration, unit) == OK
 
@@ -201,10 +201,10 @@ def test_a_clock_too_coarse_for_the_substeps_is_refused(
             f"{fmu.plant.system}: no step from t = {time!r} s over {duration!r} s: "
             f"its times are rounded to {rounding!r} s, which is more than the longest substep ({h!r} s)"
         ]
-        assert instance.get(*fmu.plant.outputs) == twin.outputs
+        assert instance.get(*fmu.plant.calculated) == twin.calculated
         twin.step(h, h)
         assert instance.step(h, h) == OK
-        assert instance.get(*fmu.plant.outputs) == twin.outputs
+        assert instance.get(*fmu.plant.calculated) == twin.calculated
 
 
 def test_a_clock_may_be_rounded_to_a_whole_substep(fmu: Fmu) -> None:

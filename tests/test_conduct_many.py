@@ -44,8 +44,8 @@ def test_a_hundred_interleaved_instances_do_not_touch_each_other(fmu: Fmu) -> No
                 assert instance.set(fmu.plant.drive, twin.drive) == OK
                 assert instance.step(time, duration) == OK
                 twin.step(time, duration)
-        assert [instance.get(*fmu.plant.outputs) for instance, _ in pairs] == [
-            twin.outputs for _, twin in pairs
+        assert [instance.get(*fmu.plant.calculated) for instance, _ in pairs] == [
+            twin.calculated for _, twin in pairs
         ]
 
 
@@ -54,13 +54,13 @@ def test_eight_threads_with_an_instance_each_do_not_touch_each_other(fmu: Fmu) -
         with fmu.running(start_of(fmu.plant, i)) as instance:
             for time, duration in clock(300):
                 assert instance.step(time, duration) == OK
-            return instance.get(*fmu.plant.outputs)
+            return instance.get(*fmu.plant.calculated)
 
     def expected(i: int) -> tuple[float, ...]:
         twin = Twin(fmu.plant, start_of(fmu.plant, i))
         for time, duration in clock(300):
             twin.step(time, duration)
-        return twin.outputs
+        return twin.calculated
 
     with ThreadPoolExecutor(8) as pool:
         assert list(pool.map(run, range(8))) == [expected(i) for i in range(8)]
@@ -121,4 +121,4 @@ def test_an_fmu_runs_in_a_folder_with_spaces(fmu_path: Path, plant: Plant, tmp_p
     twin.step(0.0, 0.01)
     with Fmu(fmu_path, tmp_path / "a folder  with spaces").running() as instance:
         assert instance.step(0.0, 0.01) == OK
-        assert instance.get(*plant.outputs) == twin.outputs
+        assert instance.get(*plant.calculated) == twin.calculated

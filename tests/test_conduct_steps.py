@@ -48,7 +48,7 @@ def test_a_refused_step_says_why_and_changes_nothing(
             assert is_error(fault(instance))
             assert told.format(drive=plant.drive, unit=plant.unit(plant.drive)) in instance.errors[0]
             assert instance.set(plant.drive, 0.5) == OK
-            assert instance.get(*plant.outputs) == twin.outputs
+            assert instance.get(*plant.calculated) == twin.calculated
 
 
 @pytest.mark.parametrize(
@@ -141,14 +141,15 @@ def test_a_parameter_is_fixed_once_initialization_has_ended(fmu: Fmu) -> None:
 
 
 @pytest.mark.parametrize("initialized", [False, True])
-def test_an_output_can_never_be_set(fmu: Fmu, initialized: bool) -> None:
-    for name in fmu.plant.outputs:
+def test_what_is_calculated_can_never_be_set(fmu: Fmu, initialized: bool) -> None:
+    for name in fmu.plant.calculated:
         with fmu.instance() as instance:
             if initialized:
                 instance.initialize()
             before = instance.get(name)
             assert is_error(instance.set(name, 2))
-            assert f"{name} is an output" in instance.errors[0]
+            kind = "a local variable" if name == "solver.nfev" else "an output"
+            assert f"{name} is {kind}: it cannot be set" in instance.errors[0]
             assert instance.get(name) == before
 
 
@@ -234,9 +235,9 @@ def test_the_last_call_is_refused_when_it_is_out_of_order(fmu: Fmu, order: str) 
 def test_after_the_end_the_outputs_can_be_read_and_nothing_can_be_set(fmu: Fmu) -> None:
     with fmu.running() as instance:
         instance.run((0.0, 0.01))
-        before = instance.get(*fmu.plant.outputs)
+        before = instance.get(*fmu.plant.calculated)
         assert instance.call("fmi2Terminate") == OK
         assert is_error(instance.set(fmu.plant.drive, 1.0))
         assert is_error(instance.set(fmu.plant.mass, 1.0))
         assert all("the run has ended" in text for text in instance.errors if "cannot be set" in text)
-        assert instance.get(*fmu.plant.outputs) == before
+        assert instance.get(*fmu.plant.calculated) == before

@@ -58,4 +58,4 @@ def test_without_sources_the_fmu_has_the_same_bits(fmu_path: Path, tmp_path: Pat
         twin = Twin(PENDULUM, {"solver.method": method, "tau": 0.7})
         for k in range(5):
             twin.step(0.25 * k, 0.25)
-        assert tuple(map(float.fromhex, values)) == twin.outputs[: len(PENDULUM.outputs) - 1]
+        assert tuple(map(float.fromhex, values)) == twin.calculated[: len(PENDULUM.calculated) - 1]

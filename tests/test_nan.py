@@ -45,6 +45,7 @@ def test_a_stability_map_counts_what_is_no_number(monkeypatch: pytest.MonkeyPatc
         return radius if radius > 1 else nan
 
     monkeypatch.setattr(stability, "measured_radius", measured)
+    monkeypatch.setattr(stability, "_warned_limit", lambda *_: nan)
     (row,) = (r for r in stability.MapScene(rk4).run(None) if isinstance(r, Check))  # type: ignore[arg-type]
     assert row.measured > 0
     assert not row.holds

@@ -78,7 +78,7 @@ def test_every_method_gives_the_bits_of_the_python_kernel(
         else:
             assert status == OK
             twin = after
-        for name, value in zip(PENDULUM.outputs, twin.outputs, strict=True):
+        for name, value in zip(PENDULUM.calculated, twin.calculated, strict=True):
             if isfinite(value):
                 assert shared.get(name) == (value,)
             else:
@@ -113,7 +113,7 @@ def test_zeros_have_the_sign_of_those_of_the_python_kernel(
     shared.start(start)
     twin = Twin(PENDULUM, start)
     for i in range(3):
-        _, _, a, energy, _ = twin.outputs
+        _, _, a, energy, _ = twin.calculated
         for name, value in (("a", a + 0.0), ("E", energy)):
             if isfinite(value):
                 assert packed(*shared.get(name)) == packed(value)
@@ -168,20 +168,17 @@ def test_numbers_keep_their_digits_where_products_of_parameters_leave_the_range(
     assert instance.partial("E", "phi") == pytest.approx(float(mpmath.sin(1)) * 1e250, rel=1e-15, abs=0)
     instance.start({"m": 1e-300, "L": 1e-11, "gamma": 0.0, "g": 0.0, "tau": 9.88e-323})
     assert instance.get("a") == (0.9881312916824931,)
-    assert instance.input_derivatives({1: 9.88e-323, 2: 9.88e-323, 3: 9.88e-323}) == OK
-    assert instance.output_derivative("w", 2) == 0.9881312916824931
-    assert instance.output_derivative("a", 2) == pytest.approx(0.9881312916824931, rel=4e-16, abs=0)
+    assert instance.input_derivatives({1: 9.88e-323}) == OK
+    assert instance.output_derivative("a") == 0.9881312916824931
     instance.start({"m": 1e300, "L": 1e-200, "g": 0.0, "gamma": 0.0, "w_start": 1e60, "tau": 1e-90})
     # der(E) = tau*w, der(J*w^2/2)/der(w) = J*w
-    assert instance.output_derivative("E", 1) == pytest.approx(1e-30, rel=1e-15, abs=0)
+    assert instance.output_derivative("E") == pytest.approx(1e-30, rel=1e-15, abs=0)
     assert instance.partial("E", "w") == pytest.approx(1e-40, rel=1e-15, abs=0)
-    instance.start({"L": 1e-100, "g": 0.0, "gamma": 0.0, "tau": 1.0})
-    assert instance.output_derivative("E", 2) == pytest.approx(1e200, rel=1e-15, abs=0)  # J*a^2, a = 1e200
 
 
 def test_the_default_experiment_gives_the_bits_of_the_fmu_with_python(
     native_path: Path, fmu_path: Path
 ) -> None:
-    runs = [fmpy.simulate_fmu(str(path), output=PENDULUM.outputs) for path in (native_path, fmu_path)]
+    runs = [fmpy.simulate_fmu(str(path), output=PENDULUM.calculated) for path in (native_path, fmu_path)]
     assert (runs[0] == runs[1]).all()
     assert len(runs[0]) == 1001

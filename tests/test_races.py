@@ -171,7 +171,15 @@ def test_the_command_fails_with_a_race(
 ) -> None:
     monkeypatch.setattr(work_precision, "SCENES", ())
     monkeypatch.setattr(work_precision, "RACES", (FakeScene(low),))
-    arguments = ["work_precision", "--fmu", str(fmu_path), "--no-plots", "--output", str(tmp_path)]
+    arguments = [
+        "work_precision",
+        "--fmu",
+        str(fmu_path),
+        "--no-plots",
+        "--no-faults",
+        "--output",
+        str(tmp_path),
+    ]
     assert main(arguments) == status
     assert "time: the race" in (tmp_path / "index.html").read_text("utf-8")
 

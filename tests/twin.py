@@ -39,7 +39,7 @@ class Twin:
         return copy(self)
 
     @property
-    def outputs(self) -> tuple[float, ...]:
-        """The values of the plant's `outputs`."""
+    def calculated(self) -> tuple[float, ...]:
+        """The values of what the plant calculates."""
         a = self.model.motion(self.drive).acceleration()(self.x, self.v)
         return self.x, self.v, a, self.model.energy(self.x, self.v), self.nfev

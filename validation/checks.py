@@ -94,7 +94,6 @@ class Curve:
     y: ArrayLike
     line: str = "-"
     marker: str = ""
-    colour: str = ""  # "": one after the other
 
 
 @dataclass(frozen=True)

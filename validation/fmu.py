@@ -44,7 +44,8 @@ RK4: int = SolverMethod.ExplicitRungeKutta4
 IMPLICIT_EULER: int = SolverMethod.ImplicitEuler
 METHOD_NAMES: dict[int, str] = {method: method.name for method in SolverMethod}
 PARAMETERS = ("m", "L", "gamma", "g", "phi_start", "w_start", "solver.method", "solver.stepSize")
-OUTPUTS = ("phi", "w", "a", "E", "solver.nfev")
+OUTPUTS = ("phi", "w", "a", "E")
+EVALUATIONS = "solver.nfev"
 G = 9.80665  # default gravity acceleration [m/s2]
 W02 = G  # squared angular frequency of small swings of the default pendulum [rad2/s2]
 W0 = sqrt(W02)
@@ -92,7 +93,8 @@ class Experiment:
 class Run:
     """Recorded outputs up to the stop, or to where the FMU failed: `failure` says why, "" if it did not.
 
-    The outputs at the end of the step that failed are NaN, so that no bound holds for want of them.
+    The outputs at the end of the step or of the initialization that failed are NaN, so that no bound holds for want of
+    them.
     """
 
     t: NDArray[np.float64]
@@ -132,7 +134,9 @@ class Fmu:
             reason = str(error).split("\n", 1)[0]
             raise UnusableFmuError(f"{path} is not a readable FMU: {reason}") from None
         self._reference = {v.name: v.valueReference for v in self.description.modelVariables}
-        missing = [name for name in (*PARAMETERS, "tau", *OUTPUTS) if name not in self._reference]
+        missing = [
+            name for name in (*PARAMETERS, "tau", *OUTPUTS, EVALUATIONS) if name not in self._reference
+        ]
         if missing:
             raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
         self.native = not self.description.coSimulation.needsExecutionTool
@@ -187,8 +191,7 @@ class Fmu:
                 setter([self._reference[name]], [value])
             slave.enterInitializationMode()
             ready = slave.dll.fmi2ExitInitializationMode(component) <= fmi2Warning
-            if ready:
-                rows.append(read())
+            rows.append(read() if ready else [nan] * len(experiment.record))
             if host is not None and ready:
                 seconds = self._loop_of(host, experiment, times, rows)
             else:
@@ -202,7 +205,7 @@ class Fmu:
                     if experiment.record:
                         rows.append(read())
                 seconds = clock() - begin
-            nfev = slave.getInteger([self._reference["solver.nfev"]])[0]
+            nfev = slave.getInteger([self._reference[EVALUATIONS]])[0]
         failure = next((text for status, text in self._messages if status > fmi2Warning), "")
         table = np.array(rows, dtype=float).reshape(len(rows), len(experiment.record))
         return Run(

@@ -54,7 +54,7 @@ class SecondOrder(CoSimulation):
         """Make the tables of the shell from the names."""
         names = cls.names
         cls.entries = {names.x: is_float, names.v: is_float, "nfev": is_count}
-        cls.outputs = {
+        cls.calculated = {
             names.x: attrgetter("x"),
             names.v: attrgetter("v"),
             names.a: partial(cls._computed, name=names.a, compute=cls._acceleration),

@@ -242,8 +242,8 @@ static void growth(int order, double z, double coefficients[2 * TAYLOR_ORDER]) {
 
 /* Where w02 < 0 the model runs away from where it rests: the limit is that of swings as fast as this. */
 static double stability_limit(const Motion *p) {
-    const double k = -model_partial_derivative(&p->model, 0.0, MODEL.rest, 0.0, MODEL.a, MODEL.v);
-    const double w02 = -model_partial_derivative(&p->model, 0.0, MODEL.rest, 0.0, MODEL.a, MODEL.x);
+    const double k = -model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.v);
+    const double w02 = -model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.x);
     const double w0 = sqrt(fabs(w02));
     if (METHODS[p->method].real_limit == INFINITY || (k == 0.0 && w0 == 0.0)) return INFINITY;
     if (k >= 2.0 * w0) {

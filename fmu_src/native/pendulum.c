@@ -11,17 +11,7 @@
 #include "model.h"
 #include "scaling.h"
 
-static const Facts MODEL = {
-    .x = VR_phi,
-    .v = VR_w,
-    .a = VR_a,
-    .x_start = VR_phi_start,
-    .v_start = VR_w_start,
-    .input = VR_tau,
-    .rest = 0.0,
-    .system = "pendulum",
-    .cause = "torque",
-};
+static const double MODEL_REST = 0.0; /* [rad] */
 
 struct Model {
     double m, L, g;      /* mass [kg], length [m], gravity [m/s2] */
@@ -223,18 +213,9 @@ static double model_partial_derivative(const Model *model, double drive, double 
     return partial_derivative_of_E(model->m, model->L, model->g, phi, w, known);
 }
 
-static double model_curvature(const Model *model, double phi, double w, double a) {
-    (void)a; /* the drag is linear */
-    return model->w02 * sin(phi) * w * w;
-}
-
 /* der(E) = J*w*push, the power of torque and drag. */
-static double model_output_derivative(const Model *model, const Moment *at, unsigned output, int order) {
+static double model_output_derivative(const Model *model, const Moment *at, unsigned output) {
     (void)output; /* E */
-    const double m = model->m;
-    const double L = model->L;
     const double push = at->drive - model->damping_rate * at->v;
-    const double push1 = at->drive1 - model->damping_rate * at->a;
-    if (order == 1) return product((const double[]){m, L, L, at->v, push}, 5);
-    return product((const double[]){m, L, L, at->a, push}, 5) + product((const double[]){m, L, L, at->v, push1}, 5);
+    return product((const double[]){model->m, model->L, model->L, at->v, push}, 5);
 }

@@ -16,26 +16,24 @@ from .machine import provenance
 from .rivals import Solver
 from .scenes import COARSE, SCENES, STIFF, Scene
 
-BLACK, GREY, BLUE, RED, GREEN = "#000000", "#8a8a8a", "#1f5fa8", "#b8451b", "#5a8f2f"
-PURPLE, GOLD, TEAL = "#7a4ea3", "#c49a00", "#2a9a9a"
-# Colour, line, marker: the FMU's methods are solid, rivals broken.
+# Line and marker: the FMU's methods are solid, rivals broken.
 STYLES = {
-    "ExplicitEuler": (GREY, "-", "o"),
-    "ExplicitMidPoint2": (GREEN, "-", "s"),
-    "ExplicitRungeKutta4": (BLUE, "-", "^"),
-    "ImplicitEuler": (GOLD, "-", "v"),
-    "ImplicitTrapezoid": (PURPLE, "-", "<"),
-    "TRBDF2": (TEAL, "-", ">"),
-    "SDIRK4": (RED, "-", "D"),
-    "TaylorSeries": (BLACK, "-", "P"),
-    "RK45": (GREEN, "--", "x"),
-    "DOP853": (BLUE, "--", "+"),
-    "LSODA": (RED, "--", "1"),
-    "Radau": (GOLD, "--", "2"),
-    "BDF": (PURPLE, "--", "3"),
-    "odeint": (BLACK, "--", "4"),
-    "heyoka": (BLUE, ":", "*"),
-    "odeint, f in C": (BLACK, ":", "4"),
+    "ExplicitEuler": ("-", "o"),
+    "ExplicitMidPoint2": ("-", "s"),
+    "ExplicitRungeKutta4": ("-", "^"),
+    "ImplicitEuler": ("-", "v"),
+    "ImplicitTrapezoid": ("-", "<"),
+    "TRBDF2": ("-", ">"),
+    "SDIRK4": ("-", "D"),
+    "TaylorSeries": ("-", "P"),
+    "RK45": ("--", "x"),
+    "DOP853": ("--", "+"),
+    "LSODA": ("--", "1"),
+    "Radau": ("--", "2"),
+    "BDF": ("--", "3"),
+    "odeint": ("--", "4"),
+    "heyoka": (":", "*"),
+    "odeint, f in C": (":", "4"),
 }
 
 
@@ -195,10 +193,10 @@ def against_evaluations(fmu: Fmu, scene: Scene) -> Plot:
 
 def _curves(points: dict[str, list[tuple[float, float]]]) -> list[Curve]:
     curves = []
-    for name, (colour, line, marker) in STYLES.items():
+    for name, (line, marker) in STYLES.items():
         if name in points:
             x, y = zip(*points[name], strict=True)
-            curves.append(Curve(name, x, y, line, marker, colour))
+            curves.append(Curve(name, x, y, line, marker))
     return curves
 
 

@@ -16,10 +16,12 @@ from markupsafe import Markup
 
 from ..checks import Note, Plot, Result, Table
 from . import figures
-from .cells import CHECK_COLUMNS, cell, check_cells
-from .section import Section, summary
+from .cells import CHECK_COLUMNS, cell, check_cells, is_number
+from .section import Section, counts, summary
+from .words import GLOSSARY, TASKS
 
 FOLDER = Path(__file__).resolve().parent
+LONG = 12  # rows of a table that is shown without being opened
 PACKAGES = ("pythonfmu", "fmpy", "numpy", "scipy")
 
 
@@ -49,14 +51,30 @@ def render(sections: Sequence[Section], fmu: Path, pictures: bool) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"cell": cell, "cells": check_cells, "kind": lambda x: type(x).__name__}
-    environment.globals |= {"summary": summary, "is_headline": is_headline, "CHECK_COLUMNS": CHECK_COLUMNS}
+    environment.filters |= {
+        "all_hold": lambda checks: all(check.holds for check in checks),
+        "cell": cell,
+        "cells": check_cells,
+        "failing_first": lambda checks: sorted(checks, key=lambda check: check.holds),
+        "is_number": is_number,
+        "kind": lambda result: type(result).__name__,
+        "short": lambda title: title.split(":")[0],
+    }
     return environment.get_template("page.html.j2").render(
+        CHECK_COLUMNS=CHECK_COLUMNS,
+        GLOSSARY=GLOSSARY,
+        LONG=LONG,
+        TASKS=TASKS,
+        counts=counts(sections),
+        failing=[check for section in sections for check in section.checks if not check.holds],
+        is_headline=is_headline,
+        margins=Markup(figures.margins(sections)) if pictures else "",
+        picture=lambda plot: Markup(figures.svg(plot)),
+        pictures=pictures,
+        provenance=provenance(fmu),
         sections=sections,
         style=Markup((FOLDER / "style.css").read_text("utf-8")),
-        provenance=provenance(fmu),
-        failing=[check for section in sections for check in section.checks if not check.holds],
-        picture=(lambda plot: Markup(figures.svg(plot))) if pictures else lambda plot: "",
+        summary=summary,
     )
 
 
@@ -67,7 +85,7 @@ def is_headline(result: Result) -> bool:
 
 def slug(title: str) -> str:
     """Return a title as a part of a file's name."""
-    return re.sub(r"[^a-z0-9.=]+", "-", title.lower()).strip("-.")
+    return re.sub(r"[^a-z0-9.]+", "-", title.lower()).strip("-.")
 
 
 def write_csv(

@@ -8,15 +8,7 @@
 
 #include "model.h"
 
-static const Facts MODEL = {.x = VR_x,
-                            .v = VR_v,
-                            .a = VR_a,
-                            .x_start = VR_x_start,
-                            .v_start = VR_v_start,
-                            .input = VR_F,
-                            .rest = 0.0,
-                            .system = "spring",
-                            .cause = "force"};
+static const double MODEL_REST = 0.0; /* [m] */
 
 struct Model {
     double m, k, k3;                     /* mass [kg], stiffness [N/m], hardening [N/m3] */
@@ -105,15 +97,8 @@ static double model_partial_derivative(const Model *model, double drive, double 
     }
 }
 
-static double model_curvature(const Model *model, double x, double v, double a) {
-    (void)a; /* the drag is linear */
-    return -6.0 * model->hardening * x * v * v;
-}
-
 /* der(E) is the power of force and drag. */
-static double model_output_derivative(const Model *model, const Moment *at, unsigned output, int order) {
+static double model_output_derivative(const Model *model, const Moment *at, unsigned output) {
     (void)output; /* E */
-    const double push = at->drive - model->damping_rate * at->v;
-    const double push1 = at->drive1 - model->damping_rate * at->a;
-    return model->m * (order == 1 ? at->v * push : at->a * push + at->v * push1);
+    return model->m * at->v * (at->drive - model->damping_rate * at->v);
 }
