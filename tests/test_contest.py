@@ -192,3 +192,8 @@ def test_each_solver_has_a_style_of_its_own() -> None:
 def test_each_drag_and_each_undamped_amplitude_is_raced_once() -> None:
     assert [scene.drag for scene in SCENES if scene.drag] == ["no", "weak", "strong", "extreme"]
     assert len({scene.name for scene in SCENES}) == len(SCENES)
+
+
+def test_rivals_begin_with_the_tolerance_of_the_scene() -> None:
+    rival = solver("begins late", lambda knob: knob, lambda _: 0.1, (1e-2, 1e-3, 1e-4))
+    assert [rung.knob for rung in contest.ladder(rival, replace(SCENE, loosest=1e-3))] == [1e-3, 1e-4]

@@ -80,6 +80,8 @@ def ladder(solver: Solver, scene: Scene) -> Sequence[Rung]:
     accidents, longest = (0, solver.cut_off / 2) if solver.counts_substeps else (1, solver.cut_off)
     rungs: list[Rung] = []
     for knob in solver.knobs:
+        if not solver.counts_substeps and knob > scene.loosest:
+            continue
         rungs.append(measured(solver, scene, knob))
         too_long = [rung.seconds > longest for rung in rungs[-1 - accidents :]]
         if rungs[-1].errors.largest <= scene.targets[-1] or (len(rungs) > accidents and all(too_long)):

@@ -54,6 +54,7 @@ class Scene:
     targets : errors at which the solvers are compared; the reference is good to a tenth of the least
     drag : what the table "which method for which task" calls it, "" for a scene that it leaves out
     leads : whether its picture leads the report, for which the slow are raced, too
+    loosest : tolerance with which rivals begin
     """
 
     name: str
@@ -68,6 +69,7 @@ class Scene:
     targets: tuple[float, ...] = DECADES
     drag: str = ""
     leads: bool = False
+    loosest: float = 1e-2
 
     @property
     def step(self) -> float:
@@ -163,5 +165,6 @@ LONG = Scene(
     radians(30),
     reference="elliptic functions",
     targets=COARSE[:2],
+    loosest=1e-7,
 )
 SCENES = (*UNDAMPED, ROTATION, DAMPED, PULSE, STIFF, EXTREME, LONG)
