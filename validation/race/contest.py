@@ -20,7 +20,7 @@ from .rivals import Outcome, Solver
 from .scenes import COARSE, Scene, exact
 
 ROUNDS = 15
-SPEND = 2e-3  # what each runner runs in a round at least [s]
+SPEND = 1e-3  # what each runner runs in a round at least [s]
 CLOSE = 1.5  # who is slower than the fastest of its family by more takes part at the errors COARSE only,
 SLOW = 0.01  # and only if it is done in so many seconds, or the scene leads the report
 FINENESS = 0.03  # relative, of the substeps that just reach an error

@@ -30,12 +30,17 @@ class Gaussian(NamedTuple):
         """Return the drive [1/s2] at the time `t` [s]."""
         return self.peak * exp(-((t - self.center) ** 2) / (2 * self.variance))
 
-    def polynomial(self, t: float, h: float) -> tuple[float, float, float, float]:
-        """Return the drive and its first three derivatives at `t` [s] of the cubic that fits it in the middle of h."""
+    def polynomials(self, h: float, n: int) -> Array:
+        """Return cubics that fit the drive in the middle of each of `n` steps of `h` [s], a row each.
+
+        They are given by the drive and its first three derivatives at the beginning of the step.
+        """
         s = -h / 2
-        d0, x = self(t - s), (t - s - self.center) / self.variance
+        x = (np.arange(n) * h - s - self.center) / self.variance
+        d0 = self.peak * np.exp(-(x**2) * self.variance / 2)
         d1, d2, d3 = -x * d0, (x * x - 1 / self.variance) * d0, (3 / self.variance - x * x) * x * d0
-        return d0 + s * (d1 + s * (d2 / 2 + s * d3 / 6)), d1 + s * (d2 + s * d3 / 2), d2 + s * d3, d3
+        columns = d0 + s * (d1 + s * (d2 / 2 + s * d3 / 6)), d1 + s * (d2 + s * d3 / 2), d2 + s * d3, d3
+        return np.ascontiguousarray(np.transpose(columns))
 
 
 @dataclass(frozen=True)
