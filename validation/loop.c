@@ -69,12 +69,13 @@ LOOP(implicit_euler) {
 LOOP(implicit_trapezoid) {
     const double b = h / 2, denominator = 1 + b * damping_rate;
     const double kick = b * w02 / denominator, push = b * drive, s = b * kick;
-    double sine = sin(phi);
+    double change = b * (drive - damping_rate * w - w02 * sin(phi)); /* of w by half a step */
     for (int i = 0; i < n; i++) {
-        const double v = (w + b * (drive - damping_rate * w - w02 * sine) + push) / denominator;
+        const double middle = w + change;
+        const double v = (middle + push) / denominator;
         phi = kepler(s, phi + b * w + b * v);
-        sine = sin(phi);
-        w = v - kick * sine;
+        w = v - kick * sin(phi);
+        change = w - middle;
     }
     return phi;
 }
@@ -85,16 +86,16 @@ LOOP(tr_bdf2) {
     const double b = h * diagonal, weight_h = h * weight, kicks = weight / diagonal;
     const double denominator = 1 + b * damping_rate;
     const double kick = b * w02 / denominator, push = b * drive, s = b * kick;
-    double sine = sin(phi);
+    double kick0 = b * (drive - damping_rate * w - w02 * sin(phi));
     for (int i = 0; i < n; i++) {
-        const double kick0 = b * (drive - damping_rate * w - w02 * sine);
         const double middle = w + kick0;
         double v = (middle + push) / denominator;
         const double w1 = v - kick * sin(kepler(s, phi + b * w + b * v));
-        v = (w + kicks * kick0 + kicks * (w1 - middle) + push) / denominator;
+        const double known = w + kicks * kick0 + kicks * (w1 - middle);
+        v = (known + push) / denominator;
         phi = kepler(s, phi + weight_h * w + weight_h * w1 + b * v);
-        sine = sin(phi);
-        w = v - kick * sine;
+        w = v - kick * sin(phi);
+        kick0 = w - known;
     }
     return phi;
 }

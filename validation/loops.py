@@ -99,16 +99,18 @@ def implicit_euler(
 def implicit_trapezoid(
     drive: float, damping_rate: float, w02: float, phi: float, w: float, h: float, n: int
 ) -> float:
-    """Return the angle after steps of the trapezoidal rule; the sine of the end is that of the next beginning."""
+    """Return the angle after steps of the trapezoidal rule; the half step at the end is the first of the next step."""
     b = h / 2
     denominator = 1 + b * damping_rate
     kick, push = b * w02 / denominator, b * drive
-    s, sine = b * kick, sin(phi)
+    s = b * kick
+    change = b * (drive - damping_rate * w - w02 * sin(phi))
     for _ in range(n):
-        v = (w + b * (drive - damping_rate * w - w02 * sine) + push) / denominator
+        middle = w + change
+        v = (middle + push) / denominator
         phi = kepler(s, phi + b * w + b * v)
-        sine = sin(phi)
-        w = v - kick * sine
+        w = v - kick * sin(phi)
+        change = w - middle
     return phi
 
 
@@ -118,16 +120,17 @@ def tr_bdf2(drive: float, damping_rate: float, w02: float, phi: float, w: float,
     b, weight_h, kicks = h * diagonal, h * weight, weight / diagonal
     denominator = 1 + b * damping_rate
     kick, push = b * w02 / denominator, b * drive
-    s, sine = b * kick, sin(phi)
+    s = b * kick
+    kick0 = b * (drive - damping_rate * w - w02 * sin(phi))
     for _ in range(n):
-        kick0 = b * (drive - damping_rate * w - w02 * sine)
         middle = w + kick0
         v = (middle + push) / denominator
         w1 = v - kick * sin(kepler(s, phi + b * w + b * v))
-        v = (w + kicks * kick0 + kicks * (w1 - middle) + push) / denominator
+        known = w + kicks * kick0 + kicks * (w1 - middle)
+        v = (known + push) / denominator
         phi = kepler(s, phi + weight_h * w + weight_h * w1 + b * v)
-        sine = sin(phi)
-        w = v - kick * sine
+        w = v - kick * sin(phi)
+        kick0 = w - known
     return phi
 
 
