@@ -20,7 +20,6 @@ from .rivals import Outcome, Solver
 from .scenes import COARSE, Scene, exact
 
 ROUNDS = 15
-SPEND = 1e-3  # what each runner runs in a round at least [s]
 CLOSE = 1.5  # who is slower than the fastest of its family by more takes part at the errors COARSE only,
 SLOW = 0.01  # and only if it is done in so many seconds, or the scene leads the report
 FINENESS = 0.03  # relative, of the substeps that just reach an error
@@ -140,8 +139,8 @@ class Race:
         return float(np.median(self.times[key]))
 
 
-def race(solvers: Sequence[Solver], scene: Scene) -> Race:
-    """Let the solvers climb their ladders, and race those that are fast enough."""
+def race(solvers: Sequence[Solver], scene: Scene, spend: float) -> Race:
+    """Let the solvers climb their ladders, and race those that are fast enough, each for `spend` [s] a round."""
     rungs: dict[Key, Rung] = {}
     keys: dict[float, list[Key]] = {}
     for error in scene.targets:
@@ -150,7 +149,7 @@ def race(solvers: Sequence[Solver], scene: Scene) -> Race:
         keys[error] = [(rung.solver.name, rung.knob) for rung in chosen]
     runs = {key: rung.solver.prepare(scene, rung.knob, inf) for key, rung in rungs.items()}
     runners = {key: lambda run=run: run().seconds for key, run in runs.items()}
-    times = races.race(runners, ROUNDS, SPEND) if runners else {}
+    times = races.race(runners, ROUNDS, spend) if runners else {}
     return Race(scene, rungs, times, keys)
 
 

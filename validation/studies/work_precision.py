@@ -432,7 +432,7 @@ def against_heyoka(fmu: Fmu) -> Claim:
     if HEYOKA not in {rival.name for rival in rivals(True)[0]}:
         return races.not_measured(AGAINST_HEYOKA, 1.0, "heyoka is not installed: pip install '.[peers]'")
     (taylor_series,) = (solver for solver in carriers.solvers(fmu) if solver.name == "TaylorSeries")
-    race = contest.race([taylor_series, heyoka_to_the_end()], TO_THE_END)
+    race = contest.race([taylor_series, heyoka_to_the_end()], TO_THE_END, SPEND)
     (error,) = TO_THE_END.targets
     ours, theirs = race.fastest(["TaylorSeries"], error), race.fastest([HEYOKA], error)
     if ours is None or theirs is None:
