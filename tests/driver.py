@@ -22,6 +22,8 @@ from fmpy.fmi2 import (
 )
 from fmpy.model_description import ModelDescription
 
+from tests.plants import PLANTS, Plant
+
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 
 
@@ -38,9 +40,9 @@ class Log(NamedTuple):
     text: str
 
 
-def value_references(description: ModelDescription) -> dict[str, int]:
-    """Return the value references of the variables by their names."""
-    return {v.name: v.valueReference for v in description.modelVariables}
+def plant_of(description: ModelDescription) -> Plant:
+    """Return the model of an FMU."""
+    return PLANTS[description.modelName.removesuffix("Native")]
 
 
 class Fmu:
@@ -50,7 +52,7 @@ class Fmu:
         self.path, self.folder = path, folder
         extract(str(path), str(folder))
         self.description = read_model_description(str(folder))
-        self.reference = value_references(self.description)
+        self.reference = {v.name: v.valueReference for v in self.description.modelVariables}
         self.type = {
             v.name: "Real" if v.type == "Real" else "Integer" for v in self.description.modelVariables
         }
@@ -58,6 +60,7 @@ class Fmu:
         about = self.description.coSimulation
         self.name = about.modelIdentifier
         self.native = not about.needsExecutionTool
+        self.plant = plant_of(self.description)
         # pythonfmu logs an exception as Fatal and without a category.
         self.error = (ERROR, "logStatusError") if self.native else (FATAL, "")
         self.optional_functions = {
@@ -74,8 +77,8 @@ class Fmu:
         return (True, False) if self.native else (logging, True)
 
     @contextmanager
-    def instance(self, name: str = "pendulum", *, logging: bool = True) -> Iterator[Instance]:
-        """Yield an instance that is freed in the end."""
+    def instance(self, name: str | None = None, *, logging: bool = True) -> Iterator[Instance]:
+        """Yield an instance that is freed in the end; without a name it has that of the system."""
         instance = Instance(self, name, logging)
         try:
             yield instance
@@ -93,14 +96,14 @@ class Fmu:
 class Instance:
     """An instance of an FMU."""
 
-    def __init__(self, fmu: Fmu, name: str = "pendulum", logging: bool = True) -> None:
+    def __init__(self, fmu: Fmu, name: str | None = None, logging: bool = True) -> None:
         self.fmu = fmu
         self.log: list[Log] = []
         self.slave = FMU2Slave(
             guid=fmu.description.guid,
             unzipDirectory=str(fmu.folder),
             modelIdentifier=fmu.description.coSimulation.modelIdentifier,
-            instanceName=name,
+            instanceName=name or fmu.plant.system,
         )
         log = self.log
 
@@ -215,16 +218,20 @@ class Instance:
         return (c_uint * len(names))(*(self.fmu.reference[name] for name in names))
 
     def input_derivatives(self, values: Mapping[int, float]) -> int:
-        """Set derivatives of `tau`, by their order."""
+        """Set derivatives of the input, by their order."""
         n = len(values)
         orders = integers(values)
         return self.call(
-            "fmi2SetRealInputDerivatives", self.references(*["tau"] * n), n, orders, reals(values.values())
+            "fmi2SetRealInputDerivatives",
+            self.references(*[self.fmu.plant.drive] * n),
+            n,
+            orders,
+            reals(values.values()),
         )
 
-    def output_derivative(self, name: str, order: int) -> float:
+    def output_derivative(self, name: str) -> float:
         value = reals([0.0])
-        status = self.call("fmi2GetRealOutputDerivatives", self.references(name), 1, integers([order]), value)
+        status = self.call("fmi2GetRealOutputDerivatives", self.references(name), 1, integers([1]), value)
         assert status == OK, self.errors
         return value[0]
 

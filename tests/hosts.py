@@ -26,10 +26,12 @@ from typing import Any
 import pytest
 from fmpy import read_model_description, simulate_fmu
 
-from tests.driver import OK, Fmu, Instance, collect, is_error, value_references
+from tests.driver import OK, Fmu, Instance, collect, is_error, plant_of
+from tests.plants import SECOND_MODEL
 from tests.walk import Walk
 
 ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = (ROOT, ROOT / "fmu_src", SECOND_MODEL)
 TIMES = 30
 CLOCK = [0.01 * k for k in range(1001)]  # of the default experiment
 HANGING = 3600.0  # a process that is not through by then [s] hangs; the longest takes seconds
@@ -42,8 +44,7 @@ def run_host(name: str, fmu: Path, *arguments: str) -> Any:
     done = subprocess.run(
         [sys.executable, "-m", "tests.hosts", name, str(fmu), *arguments],
         cwd=ROOT,
-        env=os.environ
-        | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'fmu_src'}", "LD_LIBRARY_PATH": libraries},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, PACKAGES)), "LD_LIBRARY_PATH": libraries},
         capture_output=True,
         text=True,
         timeout=HANGING,
@@ -69,10 +70,10 @@ def extracted(path: Path) -> Iterator[Fmu]:
 
 
 def legal_run(fmu: Fmu) -> float:
-    """Return phi at the end of the default experiment."""
+    """Return x at the end of the default experiment."""
     with fmu.running() as instance:
         instance.run(CLOCK)
-        return instance.get("phi")[0]
+        return instance.get(fmu.plant.x)[0]
 
 
 def fmpy_errors(path: Path, stderr: str = "open") -> float:
@@ -84,6 +85,8 @@ def fmpy_errors(path: Path, stderr: str = "open") -> float:
     elif stderr == "none":
         sys.stderr = None  # type: ignore[assignment]  # as under pythonw
     with extracted(path) as fmu:
+        names = (fmu.plant.mass, *fmu.plant.state, fmu.plant.a, fmu.plant.energy)
+        read = [fmu.reference[name] for name in names]
         gc.freeze()  # what is imported need not be searched
         for _ in range(TIMES if stderr == "open" else 3):
             with fmu.instance("other") as other:
@@ -93,7 +96,7 @@ def fmpy_errors(path: Path, stderr: str = "open") -> float:
                             instance.reset()
                             assert is_error(fault(instance))
                             fault(instance)
-                            instance.get_references("Real", [0, 9, 10, 11, 12])
+                            instance.get_references("Real", read)
                             instance.step(0.0, 0.01)
                             instance.free_state(instance.save())
                         fault(other)
@@ -113,12 +116,12 @@ def fmpy_interrupted(path: Path) -> float:
     with extracted(path) as fmu:
         for _ in range(TIMES):
             with fmu.running({"solver.stepSize": 1e-7}) as instance:
-                before = instance.get("phi", "w", "solver.nfev")
+                before = instance.get(*fmu.plant.calculated)
                 for _ in range(3):
                     signal.setitimer(signal.ITIMER_REAL, 0.005)
                     assert is_error(instance.step(0.0, 100.0))  # minutes
                     assert "KeyboardInterrupt" in instance.errors[0]
-                assert instance.get("phi", "w", "solver.nfev") == before
+                assert instance.get(*fmu.plant.calculated) == before
             collect()
         return legal_run(fmu)
 
@@ -137,12 +140,14 @@ def fmpy_interrupted_anywhere(path: Path, instances: str) -> float:
         signal.setitimer(signal.ITIMER_REAL, 0.003)  # the work has not begun
 
     def work(instance: Instance) -> None:
+        plant = instance.fmu.plant
         while not interrupted:
-            instance.set("tau", 0.1)
+            instance.set(plant.drive, 0.1)
             instance.step(0.0, 0.01)
-            instance.set("tau", 0.0)
+            instance.set(plant.drive, 0.0)
             instance.step(0.0, 0.01)
-            instance.get_references("Real", [instance.fmu.reference[name] for name in ("phi", "a", "E")])
+            for name in (plant.x, plant.a, plant.energy):
+                instance.get_references("Real", [instance.fmu.reference[name]])
             instance.free_state(instance.save())
 
     signal.signal(signal.SIGALRM, interrupt)
@@ -164,58 +169,60 @@ def fmpy_interrupted_anywhere(path: Path, instances: str) -> float:
         assert instance.reset() == OK
         assert instance.initialize() == OK
         instance.run(CLOCK)
-        (phi,) = instance.get("phi")
+        (x,) = instance.get(fmu.plant.x)
         instance.free()
-        assert legal_run(fmu) == phi
-        return phi
+        assert legal_run(fmu) == x
+        return x
 
 
 def libcosimpy_run(path: Path, start: dict[str, float] | None = None) -> float:
-    """Run the default experiment in libcosimpy; return phi, NaN if a step failed."""
+    """Run the default experiment in libcosimpy; return x, NaN if a step failed."""
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
     from libcosimpy.CosimObserver import CosimObserver
     from libcosimpy.CosimSlave import CosimLocalSlave
 
     log_output_level(CosimLogLevel.FATAL)
-    reference = value_references(read_model_description(str(path)))
+    plant = plant_of(read_model_description(str(path)))
     execution = CosimExecution.from_step_size(10_000_000)  # ns
-    slave = execution.add_local_slave(CosimLocalSlave(str(path), "pendulum"))
+    slave = execution.add_local_slave(CosimLocalSlave(str(path), plant.system))
     for name, value in (start or {}).items():
-        assert execution.real_initial_value(slave, reference[name], value)
+        assert execution.real_initial_value(slave, plant.reference[name], value)
     observer = CosimObserver.create_last_value()
     assert execution.add_observer(observer)
     if not all(execution.step() for _ in range(1000)):
         return nan
-    return float(observer.last_real_values(slave, [reference["phi"]])[0])
+    return float(observer.last_real_values(slave, [plant.reference[plant.x]])[0])
 
 
 def ecos_run(path: Path, start: dict[str, float] | None = None, steps: int = 1000) -> float:
-    """Run the default experiment, or its first `steps` steps, in Ecos; return phi."""
+    """Run the default experiment, or its first `steps` steps, in Ecos; return x."""
     from ecospy import EcosSimulation, EcosSimulationStructure
 
+    plant = plant_of(read_model_description(str(path)))
     with EcosSimulationStructure() as structure:
-        structure.add_model("pendulum", str(path))
+        structure.add_model(plant.system, str(path))
         structure.add_parameter_set(
-            "start", {f"pendulum::{name}": value for name, value in (start or {}).items()}
+            "start", {f"{plant.system}::{name}": value for name, value in (start or {}).items()}
         )
         with EcosSimulation(structure=structure, step_size=0.01) as simulation:
             simulation.init(parameter_set="start")
             simulation.step(steps)
-            return float(simulation.get_real("pendulum::phi"))
+            return float(simulation.get_real(f"{plant.system}::{plant.x}"))
 
 
 def libcosimpy_errors(path: Path) -> float:
     """Divergence in libcosimpy. (It aborts on an error of any FMU during initialization.)"""
     for _ in range(TIMES):
-        assert isnan(libcosimpy_run(path, {"gamma": 1e5}))
+        assert isnan(libcosimpy_run(path, {plant_of(read_model_description(str(path))).drag: 1e5}))
         collect()
     return libcosimpy_run(path)
 
 
 def ecos_errors(path: Path) -> float:
     """Errors in Ecos, which takes no notice of them and goes on with the state before."""
-    starts: list[dict[str, float]] = [{"m": -1.0}, {"tau": nan}, {"gamma": 1e5}]
+    plant = plant_of(read_model_description(str(path)))
+    starts: list[dict[str, float]] = [{plant.mass: -1.0}, {plant.drive: nan}, {plant.drag: 1e5}]
     for k in range(TIMES):
         ecos_run(path, starts[k % 3], steps=10)
         collect()
@@ -232,7 +239,7 @@ def restored_future(path: Path, state: str) -> list[tuple[float, ...]]:
 
 
 def many_in_sequence(path: Path, count: str) -> tuple[int, float]:
-    """Return the growth of the memory [KiB] over so many instances, and phi of the last one."""
+    """Return the growth of the memory [KiB] over so many instances, and x of the last one."""
     with extracted(path) as fmu:
         keeper = Instance(fmu)  # keeps the library loaded
         for k in range(int(count) + 300):
@@ -241,13 +248,15 @@ def many_in_sequence(path: Path, count: str) -> tuple[int, float]:
             keeper.slave.instantiate(callbacks=keeper.slave.callbacks)
             assert keeper.initialize() == OK
             assert keeper.step(0.0, 0.01) == OK
-            (phi,) = keeper.get("phi")
+            (x,) = keeper.get(fmu.plant.x)
             keeper.slave.fmi2FreeInstance(keeper.slave.component)
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, phi
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, x
 
 
 def many_runs(path: Path, count: str) -> tuple[int, int, float]:
-    """Return by how much memory [KiB] and mappings grew over so many runs of the file, and phi of the last one."""
+    """Return by how much memory [KiB] and mappings grew over so many runs of the file, and x of the last one."""
+
+    x = plant_of(read_model_description(str(path))).x
 
     def used() -> tuple[int, int]:
         pages = int(Path("/proc/self/statm").read_text("ascii").split()[1])
@@ -255,19 +264,19 @@ def many_runs(path: Path, count: str) -> tuple[int, int, float]:
         return pages * resource.getpagesize() // 1024, mappings
 
     def run() -> float:
-        return float(simulate_fmu(str(path), stop_time=0.01, output=["phi"])["phi"][-1])
+        return float(simulate_fmu(str(path), stop_time=0.01, output=[x])[x][-1])
 
     for _ in range(200):  # the caches are filled
         run()
     memory, mappings = used()
     for _ in range(int(count)):
-        phi = run()
+        end = run()
     memory_then, mappings_then = used()
-    return memory_then - memory, mappings_then - mappings, phi
+    return memory_then - memory, mappings_then - mappings, end
 
 
 def not_utf8(path: Path) -> float:
-    """Pass strings that are no UTF-8, which the wrapper cannot convert; return phi of a legal run."""
+    """Pass strings that are no UTF-8, which the wrapper cannot convert; return x of a legal run."""
     with extracted(path) as fmu:
         for _ in range(TIMES):
             with fmu.instance() as instance:
@@ -278,7 +287,7 @@ def not_utf8(path: Path) -> float:
 
 
 def fuzz(path: Path, seed: str, count: str) -> tuple[float, int, int]:
-    """Walk at random over the calls of FMI; return phi of a legal run and the numbers of calls and of errors."""
+    """Walk at random over the calls of FMI; return x of a legal run and the numbers of calls and of errors."""
     with extracted(path) as fmu:
         walk = Walk(fmu, Random(int(seed)))
         for _ in range(int(count)):

@@ -15,9 +15,9 @@ from fmpy import simulate_fmu
 
 from methods.solvers import METHODS, SolverMethod, substeps
 from tests.driver import OK, Fmu
+from tests.plants import PENDULUM, SPRING, Plant
 from tests.twin import Twin
 
-W0 = sqrt(9.80665)
 STARTS = (0.0, 1e6, -1e6, -3.0)
 
 
@@ -101,19 +101,28 @@ def test_the_last_of_a_million_steps_of_a_tenth_are_one_substep_each(fmu: Fmu, p
 @each_start
 def test_a_tiny_step_is_one_substep(fmu: Fmu, duration: float, start: float) -> None:
     with fmu.running(time=start) as instance:
-        before = instance.get("phi")[0]
+        (before,) = instance.get(fmu.plant.x)
         for _ in range(3):
             assert instance.step(start, duration) == OK
         assert instance.get("solver.nfev") == (12,)
-        # |w| stays below 10 rad/s, so phi moves by less than that times the time, and by its rounding.
-        assert abs(instance.get("phi")[0] - before) <= 30.0 * duration + 3 * ulp(1.0)
+        # |v| stays below 10 a second, so x moves by less than that times the time, and by its rounding.
+        assert abs(instance.get(fmu.plant.x)[0] - before) <= 30.0 * duration + 3 * ulp(1.0)
 
 
-# The pendulum of the comparisons below: large swings, damped enough for explicit Euler to be stable.
-SCENE = {"gamma": 0.5, "phi_start": 1.0, "w_start": 0.5, "tau": 0.7}
+# The motion of the comparisons below: large swings, damped enough for explicit Euler to be stable.
+def scene(plant: Plant) -> dict[str, float]:
+    return {plant.drag: 0.5, plant.x_start: 1.0, plant.v_start: 0.5, plant.drive: 0.7}
+
+
 END = 3.0
-W_MAX = 7.0  # [rad/s]: 0.5*w^2 <= 0.5*w_start^2 + 2*w02 + tau*6 by the energy, for swings below 6 rad
 H = 0.02
+# Of each model what the motion of the scene stays below: the square root of the slope of -a(x) [1/s], and |v|.
+FASTEST = {
+    # 0.5*w^2 <= 0.5*w_start^2 + 2*w02 + tau*6 by the energy, for swings below 6 rad; w02 = 9.80665
+    PENDULUM.name: (sqrt(9.80665), 7.0),
+    # Drag aside, v^2/2 + 5*x^2 + 1.25*x^4 - 0.7*x is 5.675: |x| < 1.1 and v^2/2 < 5.7; the slope is 10 + 15*x^2.
+    SPRING.name: (sqrt(28.2), 4.0),
+}
 
 
 def random_cuts(end: float) -> list[float]:
@@ -134,29 +143,31 @@ CUTS = {
 }
 
 
-def end_of(method: SolverMethod, h: float) -> tuple[float, float]:
-    twin = Twin(**SCENE, solver_method=method, solver_stepSize=h)
+def end_of(plant: Plant, method: SolverMethod, h: float) -> tuple[float, float]:
+    twin = Twin(plant, scene(plant) | {"solver.method": method, "solver.stepSize": h})
     twin.step(0.0, END)
-    return twin.phi, twin.w
+    return twin.x, twin.v
 
 
-def discretization_error(method: SolverMethod) -> float:
-    """Return the global error in phi [rad] of a run with substeps of `H` by halving them.
+def discretization_error(plant: Plant, method: SolverMethod) -> float:
+    """Return the global error in x of a run with substeps of `H` by halving them.
 
     The error of a method of order p is c*H^p, so that of the halved substeps is 2^-p of it and the difference is
-    the fraction 1 - 2^-p. Angle and rate are taken together, because the error of one can pass through zero.
+    the fraction 1 - 2^-p. x and v are taken together, because the error of one can pass through zero.
     """
-    (phi, w), (phi2, w2) = end_of(method, H), end_of(method, H / 2)
-    return hypot(phi - phi2, (w - w2) / W0) / (1.0 - 0.5 ** METHODS[method].order)
+    (x, v), (x2, v2) = end_of(plant, method, H), end_of(plant, method, H / 2)
+    w0, _ = FASTEST[plant.name]
+    return hypot(x - x2, (v - v2) / w0) / (1.0 - 0.5 ** METHODS[method].order)
 
 
-def rounding_error(substeps: int, start: float = 0.0) -> float:
-    """Return a bound of the round-off in phi [rad] at `END`.
+def rounding_error(plant: Plant, substeps: float, start: float = 0.0, end: float = END) -> float:
+    """Return a bound of the round-off in x after `end` [s].
 
-    Each substep adds a few units in the last place, 4*eps, to angle and rate; each of these grows at most like the
-    drift of the phase, 1 + w0*T. The clock of the host resolves ulp(start), in which the pendulum moves W_MAX*ulp.
+    Each substep adds a few units in the last place, 4*eps, to x and v; each of these grows at most like the drift of
+    the phase, 1 + w0*T. The clock of the host resolves ulp(start), in which x moves by |v|*ulp.
     """
-    return 4.0 * float_info.epsilon * substeps * (1.0 + W0 * END) + W_MAX * ulp(abs(start) + END)
+    w0, v = FASTEST[plant.name]
+    return 4.0 * float_info.epsilon * substeps * (1.0 + w0 * end) + v * ulp(abs(start) + end)
 
 
 @pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)
@@ -165,12 +176,13 @@ def rounding_error(substeps: int, start: float = 0.0) -> float:
 def test_the_result_does_not_depend_on_how_the_time_is_cut(
     fmu: Fmu, method: SolverMethod, cuts: list[float], start: float
 ) -> None:
-    with fmu.running(SCENE | {"solver.method": method, "solver.stepSize": H}, time=start) as instance:
+    plant = fmu.plant
+    with fmu.running(scene(plant) | {"solver.method": method, "solver.stepSize": H}, time=start) as instance:
         instance.run([start + time for time in cuts])
-        phi, nfev = instance.get("phi", "solver.nfev")
+        x, nfev = instance.get(plant.x, "solver.nfev")
     # No substep is longer than H, so the error of neither run exceeds that of substeps of H; they may differ in sign.
-    bound = 2.0 * discretization_error(method) + rounding_error(int(nfev), start)
-    assert abs(phi - end_of(method, H)[0]) <= bound
+    bound = 2.0 * discretization_error(plant, method) + rounding_error(plant, nfev, start)
+    assert abs(x - end_of(plant, method, H)[0]) <= bound
 
 
 @pytest.mark.parametrize("interval", [H, 2 * H, 0.1, 0.5, 1.0, END])
@@ -178,28 +190,30 @@ def test_the_result_does_not_depend_on_how_the_time_is_cut(
 def test_cuts_between_the_same_substeps_change_round_off_only(
     fmu: Fmu, interval: float, start: float
 ) -> None:
-    with fmu.running(SCENE | {"solver.stepSize": H}, time=start) as instance:
+    plant = fmu.plant
+    with fmu.running(scene(plant) | {"solver.stepSize": H}, time=start) as instance:
         instance.run(multiples(start, interval, round(END / interval)))
-        phi, nfev = instance.get("phi", "solver.nfev")
+        x, nfev = instance.get(plant.x, "solver.nfev")
     assert nfev == 4 * round(END / H)
-    assert abs(phi - end_of(SolverMethod.ExplicitRungeKutta4, H)[0]) <= rounding_error(round(END / H), start)
+    expected, _ = end_of(plant, SolverMethod.ExplicitRungeKutta4, H)
+    assert abs(x - expected) <= rounding_error(plant, round(END / H), start)
 
 
-def test_the_doubling_of_the_step_in_fmpy_changes_round_off_only(fmu_path: Path) -> None:
+def test_the_doubling_of_the_step_in_fmpy_changes_round_off_only(fmu_path: Path, plant: Plant) -> None:
     long, short = (
         simulate_fmu(
             str(fmu_path),
             stop_time=100.0,
             output_interval=interval,
             start_values={"solver.stepSize": 0.01},
-            output=["phi", "solver.nfev"],
+            output=[plant.x, "solver.nfev"],
         )
         for interval in (None, 0.01)
     )
     assert len(long) == 626  # steps of 0.16 s
     assert len(short) == 10001
     np.testing.assert_array_equal(long["solver.nfev"], 4 * np.round(long["time"] / 0.01))
-    difference = np.abs(long["phi"] - short["phi"][::16])
-    # As in rounding_error, over 100 s.
-    bound = 4.0 * float_info.epsilon * (long["time"] / 0.01) * (1.0 + W0 * long["time"]) + W_MAX * ulp(100.0)
+    difference = np.abs(long[plant.x] - short[plant.x][::16])
+    # Both clocks resolve the times of the whole run.
+    bound = [rounding_error(plant, time / 0.01, 100.0 - time, time) for time in long["time"]]
     assert np.all(difference <= bound)

@@ -1,4 +1,4 @@
-"""The count of evaluations ends where an fmi2Integer does, and the motion goes on."""
+"""Evaluations are counted; the count ends where an fmi2Integer does, and the motion goes on."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import zlib
 
 import pytest
 
+from methods.solvers import METHODS, SolverMethod
 from tests.driver import OK, Fmu
-from tests.twin import OUTPUTS
 
 MOST = 2147483647  # evaluations that an fmi2Integer can count
 
@@ -34,19 +34,34 @@ def test_the_count_of_evaluations_stays_at_the_largest_that_can_be_read(fmu: Fmu
         data = instance.serialize(state)
         instance.free_state(state)
         assert instance.restore_bytes(with_evaluations(fmu, data, 28, MOST - missing)) == OK
-        before = instance.get("phi", "w")
+        before = instance.get(*fmu.plant.state)
         assert instance.get("solver.nfev") == (MOST - missing,)
         for k in range(1, 5):
             assert instance.step(0.07, 0.01) == OK
             assert instance.get("solver.nfev") == (min(MOST - missing + 4 * k, MOST),)
-        assert instance.get("phi", "w") != before  # the motion goes on
+        assert instance.get(*fmu.plant.state) != before  # the motion goes on
         # A full count can be saved and restored like any other.
         state = instance.save()
-        data, now = instance.serialize(state), instance.get(*OUTPUTS)
+        data, now = instance.serialize(state), instance.get(*fmu.plant.calculated)
         assert instance.restore(state) == OK
         instance.free_state(state)
     with fmu.instance() as other:
         assert other.restore_bytes(data) == OK
-        assert other.get(*OUTPUTS) == now
+        assert other.get(*fmu.plant.calculated) == now
         assert other.step(0.08, 1.0) == OK
         assert other.get("solver.nfev") == (MOST,)
+
+
+@pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)
+@pytest.mark.parametrize("w02", [0.0, 9.81])
+def test_a_method_with_a_fixed_number_of_stages_evaluates_once_a_stage(
+    fmu: Fmu, method: SolverMethod, w02: float
+) -> None:
+    start = fmu.plant.pull(w02) | {"solver.method": method, "solver.stepSize": 0.01}
+    with fmu.running(start) as instance:
+        for k in range(3):
+            assert instance.step(0.07 * k, 0.07) == OK
+            (nfev,) = instance.get("solver.nfev")
+            substeps, stages = (k + 1) * 7, METHODS[method].stages
+            # The others evaluate as often as their equations ask for, and at least once a substep.
+            assert nfev == substeps * stages if stages is not None else nfev >= substeps

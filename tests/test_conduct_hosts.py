@@ -12,39 +12,43 @@ import pytest
 
 from tests.driver import Fmu
 from tests.hosts import needs, run_host
+from tests.plants import Plant
 from tests.twin import Twin
 
 
-def default_angle() -> float:
-    """Return phi at the end of the default experiment."""
-    twin = Twin()
+def default_end(plant: Plant) -> float:
+    """Return x at the end of the default experiment."""
+    twin = Twin(plant)
     for k in range(1000):
         twin.step(0.01 * k, 0.01 * (k + 1) - 0.01 * k)
-    return twin.phi
+    return twin.x
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stderr", ["open", "closed", "none"])
-def test_fmpy_survives_errors_of_every_kind(fmu_path: Path, stderr: str) -> None:
-    assert run_host("fmpy_errors", fmu_path, stderr) == default_angle()
+def test_fmpy_survives_errors_of_every_kind(fmu_path: Path, plant: Plant, stderr: str) -> None:
+    assert run_host("fmpy_errors", fmu_path, stderr) == default_end(plant)
 
 
 @pytest.mark.pythonfmu_only
-def test_fmpy_survives_control_c_in_a_long_step(fmu_path: Path) -> None:
-    assert run_host("fmpy_interrupted", fmu_path) == default_angle()
+def test_fmpy_survives_control_c_in_a_long_step(fmu_path: Path, plant: Plant) -> None:
+    assert run_host("fmpy_interrupted", fmu_path) == default_end(plant)
 
 
 @pytest.mark.pythonfmu_only
+@pytest.mark.one_model("most of its time is in the shell, whose lines are those of any model")
 @pytest.mark.slow
 @pytest.mark.parametrize("instances", ["one", "each"])
-def test_fmpy_survives_control_c_anywhere(fmu_path: Path, instances: str) -> None:
-    assert run_host("fmpy_interrupted_anywhere", fmu_path, instances) == default_angle()
+def test_fmpy_survives_control_c_anywhere(fmu_path: Path, plant: Plant, instances: str) -> None:
+    assert run_host("fmpy_interrupted_anywhere", fmu_path, instances) == default_end(plant)
 
 
-def test_strings_that_are_not_utf8_do_no_harm(fmu_path: Path) -> None:
-    assert run_host("not_utf8", fmu_path) == default_angle()
+@pytest.mark.one_model("no Python or C of a model is reached")
+def test_strings_that_are_not_utf8_do_no_harm(fmu_path: Path, plant: Plant) -> None:
+    assert run_host("not_utf8", fmu_path) == default_end(plant)
 
 
+@pytest.mark.one_model("errors end in the shell, and FMPy shows those of any model")
 @pytest.mark.parametrize(
     "program",
     [
@@ -52,9 +56,9 @@ def test_strings_that_are_not_utf8_do_no_harm(fmu_path: Path) -> None:
         pytest.param("ecos_errors", marks=[needs("ecospy"), pytest.mark.slow]),
     ],
 )
-def test_other_importers_survive_errors(fmu_path: Path, program: str) -> None:
+def test_other_importers_survive_errors(fmu_path: Path, plant: Plant, program: str) -> None:
     # Their communication points differ from 0.01*k in the last bits.
-    assert run_host(program, fmu_path) == pytest.approx(default_angle(), abs=1e-12)
+    assert run_host(program, fmu_path) == pytest.approx(default_end(plant), abs=1e-12)
 
 
 INSTANTIATE_AND_FREE = """
@@ -74,6 +78,7 @@ print("freed")
 
 
 @pytest.mark.pythonfmu_only
+@pytest.mark.one_model("about the library of pythonfmu, which is the same for any model")
 @pytest.mark.slow
 @pytest.mark.skipif(
     shutil.which("valgrind") is None, reason="needs valgrind, which sees memory used after it is freed"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,7 +15,8 @@ from fmpy import simulate_fmu
 
 from tests.driver import Fmu
 from tests.hosts import needs, run_host
-from tests.toolchain import need
+from tests.plants import Plant
+from tests.toolchain import need, output_of
 
 VERSION = "1.1.3"
 POM = f"""
@@ -30,7 +34,22 @@ POM = f"""
   </dependencies>
 </project>
 """
+COFMUPY = (
+    "cofmupy==1.0.0",
+    "fmpy==0.3.20",
+    "confluent-kafka",
+    "joblib",
+    "narwhals",
+    "networkx",
+    "pandas",
+    "plotly",
+)
 COPY = "org.apache.maven.plugins:maven-dependency-plugin:3.6.1:copy-dependencies"
+
+
+def default_end(path: Path, plant: Plant) -> float:
+    """Return x at the end of the default experiment in FMPy."""
+    return float(simulate_fmu(str(path), output=[plant.x])[plant.x][-1])
 
 
 @pytest.mark.parametrize(
@@ -40,11 +59,38 @@ COPY = "org.apache.maven.plugins:maven-dependency-plugin:3.6.1:copy-dependencies
         pytest.param("ecos_run", marks=needs("ecospy")),
     ],
 )
-def test_the_default_experiment_agrees_with_fmpy(fmu_path: Path, program: str) -> None:
-    expected = simulate_fmu(str(fmu_path), output=["phi"])["phi"][-1]
+def test_the_default_experiment_agrees_with_fmpy(fmu_path: Path, plant: Plant, program: str) -> None:
     # They form their communication points otherwise: 1000 steps, each with a rounding of the clock of ulp(10 s) =
-    # 1.8e-15 s at below 2 rad/s, if all had the same sign. The substeps are the same.
-    assert run_host(program, fmu_path) == pytest.approx(expected, rel=0.0, abs=1e-12)
+    # 1.8e-15 s at a speed below 2, if all had the same sign. The substeps are the same.
+    assert run_host(program, fmu_path) == pytest.approx(default_end(fmu_path, plant), rel=0.0, abs=1e-12)
+
+
+@pytest.fixture(scope="session")
+def cofmupy(pytestconfig: pytest.Config) -> Path:
+    """Return a folder with CoFmuPy and those of its requirements that it imports, from the index or from the last time.
+
+    They exclude the versions of FMPy and pythonfmu that the tests have.
+    """
+    folder = pytestconfig.cache.mkdir(f"{COFMUPY[0]}-{sys.implementation.cache_tag}")
+    if not (folder / "cofmupy").is_dir():
+        command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", folder]
+        done = subprocess.run([*command, *COFMUPY], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            pytest.skip(f"CoFmuPy cannot be installed: {done.stderr.strip().splitlines()[-1]}")
+    return folder
+
+
+@pytest.mark.slow
+def test_cofmupy_agrees_with_fmpy(fmu_path: Path, plant: Plant, cofmupy: Path) -> None:
+    pytest.importorskip("matplotlib", reason="CoFmuPy needs matplotlib: pip install '.[report]'")
+    host = Path(__file__).with_name("cofmupy_host.py")
+    printed = output_of(
+        [sys.executable, host, fmu_path, plant.x], env=os.environ | {"PYTHONPATH": str(cofmupy)}
+    )
+    (found,) = re.findall(rf"^{plant.x} (.*)$", printed, re.MULTILINE)
+    assert float(found) == pytest.approx(
+        default_end(fmu_path, plant), rel=0.0, abs=1e-12
+    )  # it adds up its steps
 
 
 @pytest.fixture(scope="session")
@@ -80,6 +126,7 @@ def test_vdmcheck_finds_nothing_to_complain_about(fmu_path: Path, vdmcheck: Path
     assert complaints(vdmcheck, fmu_path) == "No errors found.\n"
 
 
+@pytest.mark.one_model("about VDMCheck2")
 @pytest.mark.slow
 def test_vdmcheck_does_find_what_a_stock_fmu_has(fmu: Fmu, vdmcheck: Path, tmp_path: Path) -> None:
     root = ElementTree.parse(fmu.folder / "modelDescription.xml")

@@ -1,37 +1,34 @@
-"""Where a double ends: stop times, clocks, inertia, energy, zeros; and what is said of it."""
+"""Where a double ends: stop times, clocks, zeros; and what is said of it."""
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import product
 from math import inf, nan, nextafter
-from operator import neg
-from pathlib import Path
 from sys import float_info
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
-from mpmath import mpf
 
-from build_fmu import build_native
-from damped_pendulum.interface import INTERFACE
 from methods.solvers import SolverMethod
-from native.build import CompilerError
 from tests.driver import ERROR, OK, Fmu, Instance, is_error
-from tests.test_conduct_outputs import ENERGY_BOUND, exact_energy
+from tests.plants import Plant
 from tests.test_conduct_reports import FAULTS
-from tests.twin import OUTPUTS, Twin
+from tests.twin import Twin
 
 EPS = float_info.epsilon
-TINY, HUGE = 5e-324, float_info.max
+TINY = 5e-324
 
 
 def bits(*values: float) -> bytes:
     return struct.pack(f"{len(values)}d", *values)
+
+
+def drifting(plant: Plant) -> dict[str, float]:
+    """Return start values of a motion that no step is too long for."""
+    return {"solver.stepSize": 1e4, plant.drag: 0.0} | plant.pull(0.0)
 
 
 def setup(instance: Instance, start: float, stop: float | None) -> int:
@@ -87,16 +84,14 @@ def test_a_step_ends_beyond_the_stop_time_by_no_more_than_rounding(
 ) -> None:
     unit = slack(start, stop, duration)
     with fmu.instance() as instance:
-        assert (
-            instance.initialize({"solver.stepSize": 1e4, "g": 0.0, "gamma": 0.0}, time=start, stop=stop) == OK
-        )
+        assert instance.initialize(drifting(fmu.plant), time=start, stop=stop) == OK
         for allowed in (-1.0, 0.0, 0.5, 0.7):
             assert step_that_ends(instance, stop + Fraction(allowed) * unit, duration, unit) == OK
-        before = instance.get(*OUTPUTS)
+        before = instance.get(*fmu.plant.calculated)
         for refused in (1.3, 2.0, 10.0):
             assert is_error(step_that_ends(instance, stop + Fraction(refused) * unit, duration, unit))
         assert is_error(instance.step(stop, duration))
-        assert instance.get(*OUTPUTS) == before
+        assert instance.get(*fmu.plant.calculated) == before
         assert len(instance.errors) == 4
         assert step_that_ends(instance, Fraction(stop), duration, unit) == OK
 
@@ -104,7 +99,7 @@ def test_a_step_ends_beyond_the_stop_time_by_no_more_than_rounding(
 @pytest.mark.parametrize("duration", [1.0, 10.0, 2.5, 1e3])
 def test_a_billion_seconds_end_within_their_rounding(fmu: Fmu, duration: float) -> None:
     with fmu.instance() as instance:
-        assert instance.initialize({"solver.stepSize": 1e4, "g": 0.0, "gamma": 0.0}, stop=1e9) == OK
+        assert instance.initialize(drifting(fmu.plant), stop=1e9) == OK
         assert is_error(instance.step(1e9 - duration + 1.5, duration))
         assert instance.step(1e9 - duration + 2.0**-22, duration) == OK  # two units in the last place of 1e9
         assert instance.step(1e9 - duration, duration) == OK
@@ -123,7 +118,7 @@ def test_the_refusal_names_the_stop_time(fmu: Fmu) -> None:
         assert instance.initialize(time=-1.0, stop=0.1) == OK
         assert is_error(instance.step(0.0, 0.3))
         assert instance.errors == [
-            "pendulum: no step from t = 0.0 s over 0.3 s: "
+            f"{fmu.plant.system}: no step from t = 0.0 s over 0.3 s: "
             "it must end at a finite time, not beyond the stop time (0.1 s)"
         ]
 
@@ -197,34 +192,25 @@ COARSE = {
 def test_a_clock_too_coarse_for_the_substeps_is_refused(
     fmu: Fmu, time: float, duration: float, h: float, rounding: float
 ) -> None:
-    twin = Twin(solver_stepSize=h)
+    twin = Twin(fmu.plant, {"solver.stepSize": h})
     with fmu.running({"solver.stepSize": h}) as instance:
         twin.step(0.0, h)
         assert instance.step(0.0, h) == OK
         assert is_error(instance.step(time, duration))
         assert instance.errors == [
-            f"pendulum: no step from t = {time!r} s over {duration!r} s: its times are rounded to {rounding!r} s, "
-            f"which is more than the longest substep ({h!r} s)"
+            f"{fmu.plant.system}: no step from t = {time!r} s over {duration!r} s: "
+            f"its times are rounded to {rounding!r} s, which is more than the longest substep ({h!r} s)"
         ]
-        assert instance.get(*OUTPUTS) == twin.outputs
+        assert instance.get(*fmu.plant.calculated) == twin.calculated
         twin.step(h, h)
         assert instance.step(h, h) == OK
-        assert instance.get(*OUTPUTS) == twin.outputs
-
-
-def test_the_longest_substep_of_the_implicit_method_counts(fmu: Fmu) -> None:
-    start = {"solver.method": SolverMethod.ImplicitEuler, "solver.stepSize": 10.0}
-    longest = Twin(solver_method=SolverMethod.ImplicitEuler, solver_stepSize=10.0).max_step
-    assert 0.3 < longest < 0.4  # 1/w0, where the equation of a substep gets a second root
-    with fmu.running(start) as instance:
-        assert is_error(instance.step(1e15, 1.0))
-        assert f"is more than the longest substep ({longest!r} s)" in instance.errors[0]
+        assert instance.get(*fmu.plant.calculated) == twin.calculated
 
 
 def test_a_clock_may_be_rounded_to_a_whole_substep(fmu: Fmu) -> None:
     time, duration = 2.0**50 - 1.0, 1.0  # 4*eps*(time + duration) is 1 s, without rounding
     for h, allowed in ((1.0, True), (nextafter(1.0, inf), True), (nextafter(1.0, 0.0), False)):
-        with fmu.running({"g": 0.0, "solver.stepSize": h}) as instance:
+        with fmu.running(drifting(fmu.plant) | {"solver.stepSize": h}) as instance:
             assert (instance.step(time, duration) == OK) == allowed
             assert instance.get("solver.nfev") == (4 * allowed,)
 
@@ -295,9 +281,9 @@ def test_a_hash_is_doubled_in_the_log_where_it_would_name_a_variable(
 def test_a_state_of_another_interface_is_refused_by_its_name(
     fmu: Fmu, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    ours = INTERFACE.state_format(fmu.name)
+    ours = fmu.plant.interface.state_format(fmu.name)
     theirs = ours[:-4] + "#%#0"
-    with fmu.running({"tau": 0.5}) as instance:
+    with fmu.running({fmu.plant.drive: 0.5}) as instance:
         state = instance.save()
         data = instance.serialize(state)
         instance.free_state(state)
@@ -308,136 +294,45 @@ def test_a_state_of_another_interface_is_refused_by_its_name(
         checksum = zlib.crc32(body)
         forged = (struct.pack("=I", checksum) if fmu.native else b"%08x" % checksum) + body
         assert is_error(instance.restore_bytes(forged))
-        text = f"pendulum: cannot restore the state: it is of '{ours[:-4]}##percent##0', this is '{ours}'"
+        text = f"{fmu.plant.system}: cannot restore the state: it is of '{ours[:-4]}##percent##0', this is '{ours}'"
         assert instance.errors == [text]
         assert capfd.readouterr().err == ("" if fmu.native else text.replace("##", "#") + "\n")
         assert instance.restore_bytes(data) == OK
-
-
-# Inertia and energy
-sizes = st.floats(TINY, HUGE) | st.floats(-300.0, 300.0).map(lambda power: 10.0**power)
-signed = sizes | sizes.map(neg) | st.just(0.0)
-angles = signed.filter(lambda phi: phi / 2 * 2 == phi)  # half of a subnormal angle can be rounded
-
-
-def read(fmu: Fmu, name: str, values: dict[str, float]) -> float | None:
-    """Return an output of an instance that is not initialized yet, None if it is refused as out of range."""
-    with fmu.instance() as instance:
-        for variable, value in values.items():
-            assert instance.set(variable, value) == OK
-        status, (found,) = instance.get_references("Real", [fmu.reference[name]])
-        assert is_error(status) == (f"{name} is out of the range of a double" in str(instance.errors))
-        return None if is_error(status) else found
-
-
-def agrees(found: float | None, exact: mpf, bound: mpf) -> bool:
-    """Return whether `found` is `exact` to within `bound`, or missing where `exact` leaves the range of a double."""
-    if found is None:
-        return bool(abs(exact) + bound > HUGE)
-    return bool(abs(found - exact) <= bound)
-
-
-ENERGIES = {
-    "m*g overflows": {"m": 1e300, "g": 1e50, "L": 1e-100, "phi_start": 1.0},
-    "m*g underflows": {"m": 1e-200, "g": 1e-200, "L": 1e200, "phi_start": 2.0},
-    "J is subnormal": {"m": 1e-300, "L": 1e-11, "g": 0.0, "gamma": 0.0, "w_start": 1e11},
-    "w^2 underflows": {"m": 1e300, "L": 1.0, "g": 0.0, "w_start": 1e-170},
-    "phi^2 underflows": {"m": 1e300, "L": 1.0, "g": 9.81, "phi_start": 1e-170},
-    "phi^2 underflows, g < 0": {"m": 1e300, "L": 1.0, "g": -9.81, "phi_start": 1e-170},
-    "J*w overflows": {"m": 1e10, "L": 1e-160, "g": 0.0, "w_start": 1e300},
-    "both": {"m": 1e-300, "L": 1e-11, "g": 1e300, "gamma": 0.0, "phi_start": 1e-139, "w_start": 1e11},
-}
-
-
-@pytest.mark.parametrize("start", ENERGIES.values(), ids=ENERGIES)
-def test_the_energy_keeps_its_digits_where_a_product_of_its_factors_does_not(
-    fmu: Fmu, start: dict[str, float]
-) -> None:
-    values = {"phi_start": 0.0, "w_start": 0.0} | start
-    exact, size = exact_energy(*(values[name] for name in ("m", "L", "g", "phi_start", "w_start")))
-    assert size > float_info.min
-    found = read(fmu, "E", values)
-    assert found is not None
-    assert abs(found - exact) <= ENERGY_BOUND * size
-
-
-@given(m=sizes, L=sizes, g=signed, phi=angles, w=signed)
-def test_the_energy_is_that_of_the_formula_wherever_it_is_a_double(
-    fmu: Fmu, m: float, L: float, g: float, phi: float, w: float
-) -> None:
-    found = read(fmu, "E", {"m": m, "L": L, "g": g, "phi_start": phi, "w_start": w})
-    exact, size = exact_energy(m, L, g, phi, w)
-    assert agrees(found, exact, ENERGY_BOUND * size + TINY)
-
-
-@given(m=sizes, L=sizes, tau=signed)
-@example(m=1e-300, L=1e-11, tau=9.88e-323)
-@example(m=1e-300, L=1e-11, tau=-9.88e-323)
-@example(m=1e-200, L=1e-100, tau=1e-320)
-@example(m=1e300, L=1e100, tau=1e300)
-def test_the_acceleration_keeps_its_digits_whatever_the_inertia(
-    fmu: Fmu, m: float, L: float, tau: float
-) -> None:
-    found = read(fmu, "a", {"m": m, "L": L, "gamma": 0.0, "g": 0.0, "tau": tau})
-    drive = Fraction(tau) / (Fraction(m) * Fraction(L) ** 2)
-    exact = mpf(drive.numerator) / drive.denominator
-    # Two products and a quotient, half a unit each, and the last place of a subnormal number.
-    assert agrees(found, exact, 2 * EPS * abs(exact) + TINY)
-
-
-def test_an_inertia_without_digits_moves_the_pendulum_with_all_of_them(fmu: Fmu) -> None:
-    m, L, tau = 1e-300, 1e-11, 9.88e-323
-    a = float(Fraction(tau) / (Fraction(m) * Fraction(L) ** 2))
-    assert a == pytest.approx(0.988, rel=1e-3, abs=0)
-    start = {"m": m, "L": L, "gamma": 0.0, "g": 0.0, "tau": tau, "phi_start": 0.0, "solver.stepSize": 0.25}
-    with fmu.running(start) as instance:
-        assert instance.step(0.0, 0.25) == OK
-        # Under a constant torque alone RK4 is exact, but for a few roundings of a, h*a and the sums.
-        assert instance.get("w") == (pytest.approx(0.25 * a, rel=8 * EPS, abs=0),)
-        assert instance.get("phi") == (pytest.approx(0.25**2 / 2 * a, rel=8 * EPS, abs=0),)
 
 
 # Zeros
 ZEROS = (0.0, -0.0)
 
 
-@pytest.fixture(scope="module")
-def carriers(built: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> list[Fmu]:
-    if "native" not in built:
-        try:
-            built["native"] = build_native(built["pythonfmu"].with_name("DampedPendulumNative.fmu"))
-        except CompilerError as error:
-            pytest.skip(str(error))
-    return [Fmu(path, tmp_path_factory.mktemp(name)) for name, path in built.items()]
+def special_starts(plant: Plant) -> Iterator[dict[str, float]]:
+    """Yield start values with zeros of both signs wherever zeros are allowed."""
+    names = (plant.x_start, plant.v_start, plant.drive, plant.drag)
+    for values in product(ZEROS, ZEROS, ZEROS, (0.0, -0.0, 0.5)):
+        for w02 in (0.0, -0.0, 9.81, -9.81):
+            if plant.variables[plant.stiffness].allows(w02):
+                yield dict(zip(names, values, strict=True)) | plant.pull(w02)
 
 
-SPECIAL = [
-    dict(zip(("phi_start", "w_start", "tau", "gamma", "g"), values, strict=True))
-    for values in product(ZEROS, ZEROS, ZEROS, (0.0, -0.0, 0.5), (0.0, -0.0, 9.81, -9.81))
-]
-
-
-def test_zeros_have_the_same_sign_on_both_carriers(carriers: list[Fmu]) -> None:
-    for values in SPECIAL:
+def test_zeros_have_the_same_sign_on_both_carriers(carriers: list[Fmu], plant: Plant) -> None:
+    for values in special_starts(plant):
         found = set()
         for fmu in carriers:
             with fmu.running(values) as instance:
                 assert bits(*instance.get(*values)) == bits(*values.values()), values  # what was set is kept
-                assert bits(*instance.get("a")) == bits(0.0), (
-                    values
-                )  # whatever the signs of what it is made of
-                found.add(bits(*instance.get("phi", "w", "a", "E")))
+                # +0.0 whatever the signs of what it is made of
+                assert bits(*instance.get(plant.a)) == bits(0.0), values
+                found.add(bits(*instance.get(*plant.state, plant.a, plant.energy)))
         assert len(found) == 1, values
 
 
 @pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)
 def test_after_a_step_zeros_have_the_same_sign_on_both_carriers(
-    carriers: list[Fmu], method: SolverMethod
+    carriers: list[Fmu], plant: Plant, method: SolverMethod
 ) -> None:
-    for values in SPECIAL:
+    for values in special_starts(plant):
         found = set()
         for fmu in carriers:
             with fmu.running(values | {"solver.method": method}) as instance:
                 instance.run([0.0, 0.01, 0.02])
-                found.add(bits(*instance.get("phi", "w", "a", "E")))
+                found.add(bits(*instance.get(*plant.state, plant.a, plant.energy)))
         assert len(found) == 1, values

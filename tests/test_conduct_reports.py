@@ -15,22 +15,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmi.shell import FmuError
-from slave import DampedPendulum
 from tests.driver import ERROR, FATAL, Fmu, Instance, is_error
+from tests.plants import Plant
 from tests.test_conduct_divergence import declared_categories
 
 FAULTS: dict[str, Callable[[Instance], int]] = {
-    "parameters": lambda i: i.initialize({"m": -1.0, "L": nan}),
+    "parameters": lambda i: i.initialize({i.fmu.plant.mass: -1.0, i.fmu.plant.drag: nan}),
     "order": lambda i: i.call("fmi2ExitInitializationMode"),
     "experiment": lambda i: i.call("fmi2SetupExperiment", 0, 0.0, nan, 0, 0.0),
-    "output": lambda i: i.set("phi", 1.0),
-    "fixed": lambda i: max(i.initialize(), i.set("m", 1.0)),
+    "output": lambda i: i.set(i.fmu.plant.x, 1.0),
+    "fixed": lambda i: max(i.initialize(), i.set(i.fmu.plant.mass, 1.0)),
     "reference": lambda i: i.set_references("Real", [99], [1.0]),
     "type": lambda i: i.get_references("Integer", [0])[0],
     "string": lambda i: i.call("fmi2GetString", (c_uint * 1)(0), 1, None),
     "step": lambda i: max(i.initialize(), i.step(0.0, -1.0)),
-    "torque": lambda i: max(i.initialize(), i.set("tau", nan), i.step(0.0, 0.01)),
-    "divergence": lambda i: max(i.initialize({"w_start": 1e308, "solver.stepSize": 10.0}), i.step(0.0, 10.0)),
+    "drive": lambda i: max(i.initialize(), i.set(i.fmu.plant.drive, nan), i.step(0.0, 0.01)),
+    "divergence": lambda i: max(
+        i.initialize({i.fmu.plant.v_start: 1e308, "solver.stepSize": 10.0}), i.step(0.0, 10.0)
+    ),
     "state": lambda i: i.restore_bytes(b"nothing"),
 }
 each_fault = pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
@@ -43,7 +45,7 @@ def test_an_error_is_logged_in_one_line(fmu: Fmu, fault: Callable[[Instance], in
         (told,) = (entry for entry in instance.log if is_error(entry.status))
     assert (told.status, told.category) == fmu.error
     assert told.category in {"", *declared_categories(fmu)}
-    assert told.text.startswith("pendulum: ")
+    assert told.text.startswith(f"{fmu.plant.system}: ")
     assert "\n" not in told.text
 
 
@@ -58,7 +60,7 @@ def test_an_error_is_told_whether_or_not_there_is_a_log(
     lines = capfd.readouterr().err.splitlines()
     assert (len(told), len(lines)) == fmu.places_of_errors(logging)
     (text,) = {*told, *lines}
-    assert text.startswith("pendulum: ")
+    assert text.startswith(f"{fmu.plant.system}: ")
 
 
 class ClosedPipe(StringIO):
@@ -82,12 +84,12 @@ class Deleted(StringIO):
     "stderr", [None, closed, ClosedPipe(), Deleted()], ids=["none", "closed", "broken pipe", "deleted"]
 )
 def test_a_stderr_that_cannot_be_written_does_not_hide_the_reason(
-    stderr: StringIO | None, monkeypatch: pytest.MonkeyPatch
+    plant: Plant, stderr: StringIO | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    slave = DampedPendulum(instance_name="pendulum")
+    slave = plant.slave(instance_name="plant")
     monkeypatch.setattr(sys, "stderr", stderr)
-    with pytest.raises(FmuError, match=r"^pendulum: phi is an output: it cannot be set$"):
-        slave.set_real([9], [1.0])
+    with pytest.raises(FmuError, match=rf"^plant: {plant.x} is an output: it cannot be set$"):
+        slave.set_real([plant.reference[plant.x]], [1.0])
 
 
 @each_fault
@@ -100,29 +102,28 @@ def test_no_message_contains_a_percent_sign(fmu: Fmu, fault: Callable[[Instance]
 
 
 @given(
-    values=st.fixed_dictionaries(
-        {name: st.floats() for name in ("m", "L", "gamma", "g", "phi_start", "w_start")}
-    ),
+    data=st.data(),
     method=st.integers(-(2**31), 2**31 - 1),
-    h=st.floats(),
     name=st.text("%sdn0 \N{GREEK SMALL LETTER PHI}", min_size=1).filter(str.strip),
 )
 def test_whatever_the_values_the_message_has_no_percent_sign(
-    fmu: Fmu, values: dict[str, float], method: int, h: float, name: str
+    fmu: Fmu, data: st.DataObject, method: int, name: str
 ) -> None:
+    reals = [parameter.name for parameter in fmu.plant.parameters if parameter.type != "SolverMethod"]
+    values = data.draw(st.fixed_dictionaries(dict.fromkeys(reals, st.floats())))
     with fmu.instance(name) as instance:
-        status = instance.initialize(values | {"solver.method": method, "solver.stepSize": h})
+        status = instance.initialize(values | {"solver.method": method})
         if not is_error(status):
-            status = instance.step(0.0, h)
+            status = instance.step(0.0, values["solver.stepSize"])
         assert bool(instance.errors) == is_error(status)
         assert not any("%" in entry.text for entry in instance.log)
 
 
 def test_fmpy_shows_the_reason(fmu: Fmu, capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(FMICallException, match=r"fmi2ExitInitializationMode failed with status [34]"):
-        simulate_fmu(str(fmu.path), start_values={"m": -1.0}, debug_logging=True)
+        simulate_fmu(str(fmu.path), start_values={fmu.plant.mass: -1.0}, debug_logging=True)
     captured = capfd.readouterr()
-    reason = f"{fmu.name}: cannot initialize: m = -1.0 kg (allowed: > 0)"
+    reason = f"{fmu.name}: cannot initialize: {fmu.plant.mass} = -1.0 kg (allowed: > 0)"
     assert (reason in captured.out, reason in captured.err) == fmu.places_of_errors(logging=True)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from ctypes import c_char_p, c_uint
 from math import inf, nan
@@ -12,13 +11,12 @@ import fmpy
 import pytest
 
 from tests.driver import OK, Fmu, Instance, is_error
-from tests.twin import OUTPUTS, Twin
+from tests.plants import Plant
+from tests.twin import Twin
 
-PARAMETERS = ("m", "L", "gamma", "g", "phi_start", "w_start", "solver.method", "solver.stepSize")
 
-
-def torque_and_step(tau: float) -> Callable[[Instance], int]:
-    return lambda instance: max(instance.set("tau", tau), instance.step(0.01, 0.01))
+def drive_and_step(value: float) -> Callable[[Instance], int]:
+    return lambda instance: max(instance.set(instance.fmu.plant.drive, value), instance.step(0.01, 0.01))
 
 
 REFUSED = {
@@ -30,9 +28,9 @@ REFUSED = {
     "infinite time": (lambda i: i.step(-inf, 0.01), "it must end at a finite time"),
     "past the stop time": (lambda i: i.step(0.01, 2.0), "not beyond the stop time"),
     "too many substeps": (lambda i: i.step(-1e9, 1e9), "at most 2147483647 are allowed"),
-    "nan torque": (torque_and_step(nan), "tau = nan N.m (allowed: finite)"),
-    "infinite torque": (torque_and_step(inf), "tau = inf N.m (allowed: finite)"),
-    "minus infinite torque": (torque_and_step(-inf), "tau = -inf N.m (allowed: finite)"),
+    "nan drive": (drive_and_step(nan), "{drive} = nan{unit} (allowed: finite)"),
+    "infinite drive": (drive_and_step(inf), "{drive} = inf{unit} (allowed: finite)"),
+    "minus infinite drive": (drive_and_step(-inf), "{drive} = -inf{unit} (allowed: finite)"),
 }
 
 
@@ -40,16 +38,17 @@ REFUSED = {
 def test_a_refused_step_says_why_and_changes_nothing(
     fmu: Fmu, fault: Callable[[Instance], int], told: str
 ) -> None:
-    twin = Twin(tau=0.5)
+    plant = fmu.plant
+    twin = Twin(plant, {plant.drive: 0.5})
     with fmu.instance() as instance:
-        assert instance.initialize({"tau": 0.5}, stop=1.0) == OK
+        assert instance.initialize({plant.drive: 0.5}, stop=1.0) == OK
         for time in (0.0, 0.01):
             twin.step(time, 0.01)
             assert instance.step(time, 0.01) == OK
             assert is_error(fault(instance))
-            assert told in instance.errors[0]
-            assert instance.set("tau", 0.5) == OK
-            assert instance.get(*OUTPUTS) == twin.outputs
+            assert told.format(drive=plant.drive, unit=plant.unit(plant.drive)) in instance.errors[0]
+            assert instance.set(plant.drive, 0.5) == OK
+            assert instance.get(*plant.calculated) == twin.calculated
 
 
 @pytest.mark.parametrize(
@@ -92,9 +91,11 @@ def test_without_a_stop_time_there_is_none(fmu: Fmu) -> None:
 @pytest.mark.parametrize(
     "excess", [-0.9e-9, 0.9e-9]
 )  # FMPy takes what is within a relative 1e-9 for the stop time
-def test_fmpy_may_miss_the_stop_time_by_its_own_tolerance(fmu_path: Path, excess: float) -> None:
+def test_fmpy_may_miss_the_stop_time_by_its_own_tolerance(
+    fmu_path: Path, plant: Plant, excess: float
+) -> None:
     result = fmpy.simulate_fmu(
-        str(fmu_path), stop_time=1.0, output_interval=0.01 * (1.0 + excess), output=["phi"]
+        str(fmu_path), stop_time=1.0, output_interval=0.01 * (1.0 + excess), output=[plant.x]
     )
     assert len(result) == 101
 
@@ -112,7 +113,7 @@ def test_an_impossible_experiment_is_refused(fmu: Fmu, time: float, stop: float 
 def test_an_experiment_may_end_when_it_begins(fmu: Fmu, time: float) -> None:
     with fmu.instance() as instance:
         assert instance.initialize(time=time, stop=time) == OK
-        assert instance.get("phi") == (math.pi / 6,)
+        assert instance.get(fmu.plant.x) == (fmu.plant.defaults[fmu.plant.x_start],)
 
 
 def test_an_experiment_may_have_an_infinite_stop_time(fmu: Fmu) -> None:
@@ -129,59 +130,67 @@ def test_reset_forgets_the_experiment(fmu: Fmu) -> None:
         assert instance.step(1e6, 0.01) == OK
 
 
-@pytest.mark.parametrize("name", PARAMETERS)
-def test_a_parameter_is_fixed_once_initialization_has_ended(fmu: Fmu, name: str) -> None:
-    with fmu.running() as instance:
-        before = instance.get(name)
-        assert is_error(instance.set(name, 2))
-        assert f"{name} is a fixed parameter" in instance.errors[0]
-        assert instance.get(name) == before
+def test_a_parameter_is_fixed_once_initialization_has_ended(fmu: Fmu) -> None:
+    for parameter in fmu.plant.parameters:
+        name = parameter.name
+        with fmu.running() as instance:
+            before = instance.get(name)
+            assert is_error(instance.set(name, 2))
+            assert f"{name} is a fixed parameter" in instance.errors[0]
+            assert instance.get(name) == before
 
 
 @pytest.mark.parametrize("initialized", [False, True])
-@pytest.mark.parametrize("name", OUTPUTS)
-def test_an_output_can_never_be_set(fmu: Fmu, name: str, initialized: bool) -> None:
-    with fmu.instance() as instance:
-        if initialized:
-            instance.initialize()
-        before = instance.get(name)
-        assert is_error(instance.set(name, 2))
-        assert f"{name} is an output" in instance.errors[0]
-        assert instance.get(name) == before
+def test_what_is_calculated_can_never_be_set(fmu: Fmu, initialized: bool) -> None:
+    for name in fmu.plant.calculated:
+        with fmu.instance() as instance:
+            if initialized:
+                instance.initialize()
+            before = instance.get(name)
+            assert is_error(instance.set(name, 2))
+            kind = "a local variable" if name == "solver.nfev" else "an output"
+            assert f"{name} is {kind}: it cannot be set" in instance.errors[0]
+            assert instance.get(name) == before
 
 
 def test_parameters_can_be_set_in_initialization_mode(fmu: Fmu) -> None:
     with fmu.instance() as instance:
         instance.call("fmi2SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
         instance.call("fmi2EnterInitializationMode")
-        assert instance.set("phi_start", 0.25) == OK
-        assert instance.get("phi") == (0.25,)
+        assert instance.set(fmu.plant.x_start, 0.25) == OK
+        assert instance.get(fmu.plant.x) == (0.25,)
         assert instance.call("fmi2ExitInitializationMode") == OK
-        assert instance.get("phi") == (0.25,)
+        assert instance.get(fmu.plant.x) == (0.25,)
 
 
-REAL, METHOD, NFEV = 0, 6, 13  # value references of a Real, of the Enumeration and of the Integer
+# Value references that no variable has.
+UNKNOWN: dict[str, Callable[[Plant], int]] = {
+    "the next": lambda plant: len(plant.variables),
+    "the first negative": lambda plant: 2**31,
+    "the last": lambda plant: 2**32 - 1,
+}
 
 
 @pytest.mark.parametrize("access", ["Get", "Set"])
 @pytest.mark.parametrize(
-    ("kind", "reference", "told"),
+    ("kind", "name", "told"),
     [
-        ("Real", METHOD, "solver.method (value reference 6) is not of type Real"),
-        ("Real", NFEV, "solver.nfev (value reference 13) is not of type Real"),
-        ("Integer", REAL, "m (value reference 0) is not of type Integer"),
-        ("Boolean", METHOD, "solver.method (value reference 6) is not of type Boolean"),
-        ("String", REAL, "m (value reference 0) is not of type String"),
+        ("Real", "solver.method", "{name} (value reference {reference}) is not of type Real"),
+        ("Real", "solver.nfev", "{name} (value reference {reference}) is not of type Real"),
+        ("Integer", "solver.stepSize", "{name} (value reference {reference}) is not of type Integer"),
+        ("Boolean", "solver.method", "{name} (value reference {reference}) is not of type Boolean"),
+        ("String", "solver.stepSize", "{name} (value reference {reference}) is not of type String"),
     ]
     + [
-        (kind, reference, f"value reference {reference} is unknown")
+        (kind, name, "value reference {reference} is unknown")
         for kind in ("Real", "Integer", "Boolean", "String")
-        for reference in (14, 2**31, 2**32 - 1)
+        for name in UNKNOWN
     ],
 )
 def test_a_value_reference_of_the_wrong_type_or_unknown_is_refused(
-    fmu: Fmu, access: str, kind: str, reference: int, told: str
+    fmu: Fmu, access: str, kind: str, name: str, told: str
 ) -> None:
+    reference = UNKNOWN[name](fmu.plant) if name in UNKNOWN else fmu.reference[name]
     with fmu.instance() as instance:
         if kind == "String":
             status = instance.call(f"fmi2{access}String", (c_uint * 1)(reference), 1, (c_char_p * 1)(b"1"))
@@ -190,14 +199,14 @@ def test_a_value_reference_of_the_wrong_type_or_unknown_is_refused(
         else:
             status = instance.set_references(kind, [reference], [1])
         assert is_error(status)
-        assert told in instance.errors[0]
+        assert told.format(name=name, reference=reference) in instance.errors[0]
 
 
 def test_a_call_with_one_wrong_reference_sets_nothing(fmu: Fmu) -> None:
     with fmu.instance() as instance:
-        references = [fmu.reference["m"], fmu.reference["phi"]]
+        references = [fmu.reference[fmu.plant.mass], fmu.reference[fmu.plant.x]]
         assert is_error(instance.set_references("Real", references, [7.0, 7.0]))
-        assert instance.get("m") == (1.0,)
+        assert instance.get(fmu.plant.mass) == (1.0,)
 
 
 CALLS = {
@@ -226,9 +235,9 @@ def test_the_last_call_is_refused_when_it_is_out_of_order(fmu: Fmu, order: str) 
 def test_after_the_end_the_outputs_can_be_read_and_nothing_can_be_set(fmu: Fmu) -> None:
     with fmu.running() as instance:
         instance.run((0.0, 0.01))
-        before = instance.get(*OUTPUTS)
+        before = instance.get(*fmu.plant.calculated)
         assert instance.call("fmi2Terminate") == OK
-        assert is_error(instance.set("tau", 1.0))
-        assert is_error(instance.set("m", 1.0))
+        assert is_error(instance.set(fmu.plant.drive, 1.0))
+        assert is_error(instance.set(fmu.plant.mass, 1.0))
         assert all("the run has ended" in text for text in instance.errors if "cannot be set" in text)
-        assert instance.get(*OUTPUTS) == before
+        assert instance.get(*fmu.plant.calculated) == before

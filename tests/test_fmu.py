@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 import build_fmu
 from methods.solvers import SolverMethod
 from tests.driver import OK, Fmu, Instance
-from tests.twin import OUTPUTS, Twin
+from tests.plants import PENDULUM
+from tests.twin import Twin
 
 
 @pytest.fixture(scope="module")
@@ -44,27 +45,27 @@ def test_the_fmu_is_its_kernel_bit_for_bit(
     instance: Instance, start: dict[str, float], torques: list[float], H: float
 ) -> None:
     instance.start(start)
-    twin = Twin(**start)
+    twin = Twin(PENDULUM, start)
     for i, tau in enumerate(torques):
         assert instance.set("tau", tau) == OK
-        twin.tau = tau
-        assert instance.get(*OUTPUTS) == twin.outputs
+        twin.drive = tau
+        assert instance.get(*PENDULUM.calculated) == twin.calculated
         assert instance.step(i * H, H) == OK
         twin.step(i * H, H)
-        assert instance.get(*OUTPUTS) == twin.outputs
+        assert instance.get(*PENDULUM.calculated) == twin.calculated
 
 
 def test_outputs_are_right_before_the_first_step(instance: Instance) -> None:
     start = {"m": 2.0, "L": 0.5, "gamma": 0.1, "g": 9.0, "tau": 0.25, "phi_start": pi / 3, "w_start": -1.5}
-    expected = Twin(**start).outputs
+    expected = Twin(PENDULUM, start).calculated
     assert instance.reset() == OK
     assert instance.set_up(0.0) == OK
     assert instance.call("fmi2EnterInitializationMode") == OK
     for name, value in start.items():
         assert instance.set(name, value) == OK
-    assert instance.get(*OUTPUTS) == expected
+    assert instance.get(*PENDULUM.calculated) == expected
     assert instance.call("fmi2ExitInitializationMode") == OK
-    assert instance.get(*OUTPUTS) == expected
+    assert instance.get(*PENDULUM.calculated) == expected
 
 
 def test_the_start_time_changes_nothing_but_the_clock(fmu_path: Path) -> None:

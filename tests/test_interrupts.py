@@ -12,7 +12,7 @@ import pytest
 from fmi.shell import FmuError
 from methods.solvers import SolverMethod
 from slave import DampedPendulum
-from tests.twin import VR
+from tests.plants import PENDULUM
 
 
 def interrupted(call: Callable[[], object], line: int) -> bool:
@@ -44,13 +44,13 @@ def interrupted(call: Callable[[], object], line: int) -> bool:
 def new(**start: float) -> DampedPendulum:
     slave = DampedPendulum(instance_name="pendulum")
     for name, value in start.items():
-        slave.set_real([VR[name]], [value])
+        slave.set_real([PENDULUM.reference[name]], [value])
     return slave
 
 
 def running(method: SolverMethod = SolverMethod.ExplicitRungeKutta4, **start: float) -> DampedPendulum:
     slave = new(**start)
-    slave.set_integer([VR["solver.method"]], [method])
+    slave.set_integer([PENDULUM.reference["solver.method"]], [method])
     slave.setup_experiment(0.0, 10.0)
     slave.enter_initialization_mode()
     slave.exit_initialization_mode()
@@ -67,7 +67,7 @@ def future(slave: DampedPendulum) -> list[Any]:
     """Return the state and, where there is one, the state after a step."""
     states = [slave._get_fmu_state()]
     if states[0]["mode"] == "stepping":
-        slave.set_real([VR["tau"]], [0.25])
+        slave.set_real([PENDULUM.reference["tau"]], [0.25])
         slave.do_step(0.0, 0.01)
         states.append(slave._get_fmu_state())
     return [repr(state) for state in states]
@@ -78,8 +78,13 @@ CALLS: dict[str, tuple[Callable[[], DampedPendulum], Callable[[DampedPendulum], 
     "restore": (running, lambda slave: slave._set_fmu_state(SAVED)),
     "exit": (initializing, lambda slave: slave.exit_initialization_mode()),
     "setup": (new, lambda slave: slave.setup_experiment(1.0, 2.0)),
-    "set before": (new, lambda slave: slave.set_real([VR["phi_start"], VR["w_start"]], [1.0, 2.0])),
-    "set torque": (running, lambda slave: slave.set_real([VR["tau"]], [0.75])),
+    "set before": (
+        new,
+        lambda slave: slave.set_real(
+            [PENDULUM.reference["phi_start"], PENDULUM.reference["w_start"]], [1.0, 2.0]
+        ),
+    ),
+    "set torque": (running, lambda slave: slave.set_real([PENDULUM.reference["tau"]], [0.75])),
     "step": (lambda: running(tau=0.5), lambda slave: slave.do_step(0.0, 0.01)),
 }
 

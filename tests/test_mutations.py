@@ -26,7 +26,7 @@ MUTATIONS = {
     ),
     "dropped torque": ("damped_pendulum/model.py", "drive = tau / J", "drive = 0.0 * tau"),
     "third-order weights": (
-        "methods/solvers.py",
+        "methods/explicit.py",
         "w += sixth * (a123 + a23 + a4)",
         "w += sixth * (a1 + 4 * a2 + a4)",
     ),

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from damped_pendulum.model import Pendulum
 from methods.solvers import SolverMethod
 from tests.driver import OK, Instance
-from tests.twin import OUTPUTS, Twin
+from tests.plants import PENDULUM
+from tests.twin import Twin
 
 CHECKS = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 H = 0.01
@@ -28,8 +29,8 @@ def stepped(twin: Twin, t: float, duration: float) -> Twin | None:
         after.step(t, duration)
     except ValueError:  # math.sin(inf)
         return None
-    after.phi, after.w = after.phi + 0.0, after.w + 0.0
-    return after if isfinite(after.phi) and isfinite(after.w) else None
+    after.x, after.v = after.x + 0.0, after.v + 0.0
+    return after if isfinite(after.x) and isfinite(after.v) else None
 
 
 @settings(suppress_health_check=CHECKS, max_examples=300)
@@ -66,10 +67,10 @@ def test_every_method_gives_the_bits_of_the_python_kernel(
     shared: Instance, start: dict[str, float], torques: list[float], duration: float
 ) -> None:
     shared.start(start)
-    twin = Twin(**start)
+    twin = Twin(PENDULUM, start)
     for i, tau in enumerate(torques):
         assert shared.set("tau", tau) == OK
-        twin.tau = tau
+        twin.drive = tau
         status = shared.step(i * duration, duration)
         after = stepped(twin, i * duration, duration)
         if after is None:
@@ -77,7 +78,7 @@ def test_every_method_gives_the_bits_of_the_python_kernel(
         else:
             assert status == OK
             twin = after
-        for name, value in zip(OUTPUTS, twin.outputs, strict=True):
+        for name, value in zip(PENDULUM.calculated, twin.calculated, strict=True):
             if isfinite(value):
                 assert shared.get(name) == (value,)
             else:
@@ -110,9 +111,9 @@ def test_zeros_have_the_sign_of_those_of_the_python_kernel(
     start = {"gamma": gamma, "g": g, "phi_start": phi, "w_start": w, "tau": tau}
     start |= {"solver.method": method, "solver.stepSize": H}
     shared.start(start)
-    twin = Twin(**start)
+    twin = Twin(PENDULUM, start)
     for i in range(3):
-        _, _, a, energy, _ = twin.outputs
+        _, _, a, energy, _ = twin.calculated
         for name, value in (("a", a + 0.0), ("E", energy)):
             if isfinite(value):
                 assert packed(*shared.get(name)) == packed(value)
@@ -123,7 +124,7 @@ def test_zeros_have_the_sign_of_those_of_the_python_kernel(
             return
         assert status == OK
         twin = after
-        assert packed(*shared.get("phi", "w")) == packed(twin.phi, twin.w)
+        assert packed(*shared.get("phi", "w")) == packed(twin.x, twin.v)
 
 
 def value_in_python(compute: Callable[[], float]) -> float:
@@ -167,20 +168,17 @@ def test_numbers_keep_their_digits_where_products_of_parameters_leave_the_range(
     assert instance.partial("E", "phi") == pytest.approx(float(mpmath.sin(1)) * 1e250, rel=1e-15, abs=0)
     instance.start({"m": 1e-300, "L": 1e-11, "gamma": 0.0, "g": 0.0, "tau": 9.88e-323})
     assert instance.get("a") == (0.9881312916824931,)
-    assert instance.input_derivatives({1: 9.88e-323, 2: 9.88e-323, 3: 9.88e-323}) == OK
-    assert instance.output_derivative("w", 2) == 0.9881312916824931
-    assert instance.output_derivative("a", 2) == pytest.approx(0.9881312916824931, rel=4e-16, abs=0)
+    assert instance.input_derivatives({1: 9.88e-323}) == OK
+    assert instance.output_derivative("a") == 0.9881312916824931
     instance.start({"m": 1e300, "L": 1e-200, "g": 0.0, "gamma": 0.0, "w_start": 1e60, "tau": 1e-90})
     # der(E) = tau*w, der(J*w^2/2)/der(w) = J*w
-    assert instance.output_derivative("E", 1) == pytest.approx(1e-30, rel=1e-15, abs=0)
+    assert instance.output_derivative("E") == pytest.approx(1e-30, rel=1e-15, abs=0)
     assert instance.partial("E", "w") == pytest.approx(1e-40, rel=1e-15, abs=0)
-    instance.start({"L": 1e-100, "g": 0.0, "gamma": 0.0, "tau": 1.0})
-    assert instance.output_derivative("E", 2) == pytest.approx(1e200, rel=1e-15, abs=0)  # J*a^2, a = 1e200
 
 
 def test_the_default_experiment_gives_the_bits_of_the_fmu_with_python(
     native_path: Path, fmu_path: Path
 ) -> None:
-    runs = [fmpy.simulate_fmu(str(path), output=OUTPUTS) for path in (native_path, fmu_path)]
+    runs = [fmpy.simulate_fmu(str(path), output=PENDULUM.calculated) for path in (native_path, fmu_path)]
     assert (runs[0] == runs[1]).all()
     assert len(runs[0]) == 1001

@@ -30,7 +30,7 @@ def test_the_description_differs_in_what_the_binary_can_do_alone(native_path: Pa
         "modelIdentifier": "DampedPendulumNative",
         "needsExecutionTool": "false",
         "canInterpolateInputs": "true",
-        "maxOutputDerivativeOrder": "2",
+        "maxOutputDerivativeOrder": "1",
         "providesDirectionalDerivative": "true",
     }
 

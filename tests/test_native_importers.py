@@ -13,8 +13,8 @@ import pytest
 import build_fmu
 from native import build as native
 from tests.driver import Fmu
+from tests.plants import PENDULUM
 from tests.toolchain import COMPILER, HERE, need, needs_compiler, on_linux, output_of
-from tests.twin import VR
 
 IMPORTERS = HERE / "native_importers"
 
@@ -37,7 +37,7 @@ def test_a_host_in_c_needs_no_python(native_fmu: Fmu, tmp_path: Path, final_angl
     output_of([COMPILER, *options, HERE / "native_host.c", "-o", host, "-ldl"])
     binaries = native_fmu.folder / "binaries" / fmpy.platform
     library = binaries / f"{native.MODEL_NAME}{fmpy.sharedLibraryExtension}"
-    command = [host, library, native_fmu.description.guid, str(VR["phi"])]
+    command = [host, library, native_fmu.description.guid, str(PENDULUM.reference["phi"])]
     assert printed_angle(command) == pytest.approx(final_angle, abs=1e-12)
 
 
@@ -62,7 +62,7 @@ def test_importers_in_java_agree_and_load_no_python(
 ) -> None:
     # JavaFMI reaches into java.prefs for a chmod.
     options = ["--add-opens", "java.prefs/java.util.prefs=ALL-UNNAMED", "-cp", f"{jars}/*"]
-    command = ["java", *options, IMPORTERS / program, native_path, str(VR["phi"])]
+    command = ["java", *options, IMPORTERS / program, native_path, str(PENDULUM.reference["phi"])]
     assert printed_angle(command) == pytest.approx(final_angle, abs=1e-12)
 
 

@@ -14,7 +14,7 @@ from fmi.shell import FmuError
 from methods.solvers import SolverMethod
 from slave import DampedPendulum
 from tests.driver import WARNING, Instance, Log
-from tests.twin import VR
+from tests.plants import PENDULUM
 
 H = 0.01
 
@@ -55,9 +55,9 @@ class Python:
 
 def initialized(fmu: Any, method: int = 3, stop: float | None = None, **values: float) -> Any:
     fmu.setupExperiment(startTime=0.0, stopTime=stop)
-    fmu.setInteger([VR["solver.method"]], [method])
+    fmu.setInteger([PENDULUM.reference["solver.method"]], [method])
     for name, value in values.items():
-        fmu.setReal([VR[name.replace("solver_", "solver.")]], [value])
+        fmu.setReal([PENDULUM.reference[name.replace("solver_", "solver.")]], [value])
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
     return fmu
@@ -97,16 +97,28 @@ SCENARIOS: dict[str, Callable[[Any], Any]] = {
         f, method=2, gamma=0.0, g=0.0, w_start=1.7e308, solver_stepSize=9.0
     ).doStep(0.0, 9.0),
     "step after the end": lambda f: (initialized(f), f.terminate(), f.doStep(0.0, H)),
-    "unknown reference": lambda f: f.getReal([VR["m"], 4711]),
-    "wrong type": lambda f: f.getReal([VR["solver.nfev"]]),
-    "no boolean": lambda f: f.getBoolean([VR["phi"]]),
+    "unknown reference": lambda f: f.getReal([PENDULUM.reference["m"], 4711]),
+    "wrong type": lambda f: f.getReal([PENDULUM.reference["solver.nfev"]]),
+    "no boolean": lambda f: f.getBoolean([PENDULUM.reference["phi"]]),
     "set unknown": lambda f: f.setReal([99], [1.0]),
-    "set output": lambda f: f.setReal([VR["phi"]], [1.0]),
-    "set parameter while stepping": lambda f: initialized(f).setReal([VR["m"]], [2.0]),
-    "set method while stepping": lambda f: initialized(f).setInteger([VR["solver.method"]], [1]),
-    "set torque after the end": lambda f: (initialized(f), f.terminate(), f.setReal([VR["tau"]], [1.0])),
-    "outputs of no mass": lambda f: (f.setReal([VR["m"]], [0.0]), f.getReal([VR["a"]])),
-    "outputs of an infinite angle": lambda f: (f.setReal([VR["phi_start"]], [inf]), f.getReal([VR["E"]])),
+    "set output": lambda f: f.setReal([PENDULUM.reference["phi"]], [1.0]),
+    "set parameter while stepping": lambda f: initialized(f).setReal([PENDULUM.reference["m"]], [2.0]),
+    "set method while stepping": lambda f: initialized(f).setInteger(
+        [PENDULUM.reference["solver.method"]], [1]
+    ),
+    "set torque after the end": lambda f: (
+        initialized(f),
+        f.terminate(),
+        f.setReal([PENDULUM.reference["tau"]], [1.0]),
+    ),
+    "outputs of no mass": lambda f: (
+        f.setReal([PENDULUM.reference["m"]], [0.0]),
+        f.getReal([PENDULUM.reference["a"]]),
+    ),
+    "outputs of an infinite angle": lambda f: (
+        f.setReal([PENDULUM.reference["phi_start"]], [inf]),
+        f.getReal([PENDULUM.reference["E"]]),
+    ),
 }
 
 

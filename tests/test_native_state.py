@@ -11,7 +11,7 @@ from fmpy.fmi2 import fmi2FMUstate
 from damped_pendulum.interface import INTERFACE, VARIABLES
 from native import build as native
 from tests.driver import OK, Instance
-from tests.twin import OUTPUTS, VR
+from tests.plants import PENDULUM
 
 H = 0.01
 
@@ -19,7 +19,7 @@ H = 0.01
 def run_on(instance: Instance, steps: int) -> tuple[float, ...]:
     for i in range(steps):
         assert instance.step(1.0 + i * H, H) == OK
-    return instance.get(*OUTPUTS, "tau")
+    return instance.get(*PENDULUM.calculated, "tau")
 
 
 def test_a_restored_state_has_the_same_future(instance: Instance) -> None:
@@ -112,12 +112,12 @@ def refusal_of_forged(instance: Instance, at: int, patch: bytes) -> str:
             f"of 'DampedPendulumNative 0.0.0', this is '{INTERFACE.state_format(native.MODEL_NAME)}'",
         ),
         (-8, struct.pack("=q", 9), "no instance can be in it"),  # the mode
-        (64 + 8 * VR["solver.nfev"], struct.pack("=d", -1.0), "no instance can be in it"),
-        (64 + 8 * VR["phi"], struct.pack("=d", inf), "no instance can be in it"),
-        (64 + 8 * VR["m"], struct.pack("=d", -1.0), "no instance can be in it"),
-        (64 + 8 * VR["solver.method"], struct.pack("=d", nan), "no instance can be in it"),
-        (64 + 8 * VR["solver.method"], struct.pack("=d", 2.5), "no instance can be in it"),
-        (64 + 8 * VR["solver.nfev"], struct.pack("=d", 0.5), "no instance can be in it"),
+        (64 + 8 * PENDULUM.reference["solver.nfev"], struct.pack("=d", -1.0), "no instance can be in it"),
+        (64 + 8 * PENDULUM.reference["phi"], struct.pack("=d", inf), "no instance can be in it"),
+        (64 + 8 * PENDULUM.reference["m"], struct.pack("=d", -1.0), "no instance can be in it"),
+        (64 + 8 * PENDULUM.reference["solver.method"], struct.pack("=d", nan), "no instance can be in it"),
+        (64 + 8 * PENDULUM.reference["solver.method"], struct.pack("=d", 2.5), "no instance can be in it"),
+        (64 + 8 * PENDULUM.reference["solver.nfev"], struct.pack("=d", 0.5), "no instance can be in it"),
         (64 + 8 * len(VARIABLES) + 8, struct.pack("=d", nan), "no instance can be in it"),  # der2(tau)
         (64 + 8 * len(VARIABLES) + 24, struct.pack("=d", -H), "no instance can be in it"),  # the time since
         (-32, struct.pack("=d", nan), "no instance can be in it"),  # the time
@@ -139,7 +139,7 @@ def test_before_the_first_step_a_state_is_that_of_the_start_values(
     instance: Instance, name: str, value: float
 ) -> None:
     patch = struct.pack("=d", value)
-    assert "no instance can be in it" in refusal_of_forged(instance, 64 + 8 * VR[name], patch)
+    assert "no instance can be in it" in refusal_of_forged(instance, 64 + 8 * PENDULUM.reference[name], patch)
 
 
 def test_start_values_that_are_wrong_are_saved_and_restored(instance: Instance) -> None:

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 from fractions import Fraction
-from math import log2, nan
+from math import log2, nan, sqrt
 
 import mpmath
 import pytest
@@ -55,12 +55,14 @@ def driven_error(
 
 
 @pytest.mark.parametrize("method", SolverMethod)
-def test_with_input_derivatives_a_driven_run_has_the_order_of_the_method(
+def test_with_input_derivatives_a_driven_run_has_the_order_of_the_method_up_to_theirs(
     instance: Instance, method: SolverMethod, torque: Callable[[float], list[float]]
 ) -> None:
     coarse, fine = (driven_error(instance, method, steps, torque, 3) for steps in (32, 64))
+    # The torque is known up to the order 3 of its derivatives, which costs a step O(H^5).
+    order = min(METHODS[method].order, 4)
     # The next term of the error changes the observed order by O(H), H = 1/32.
-    assert log2(coarse / fine) == pytest.approx(METHODS[method].order, abs=0.25)
+    assert log2(coarse / fine) == pytest.approx(order, abs=0.25)
 
 
 @pytest.mark.parametrize(
@@ -70,6 +72,10 @@ def test_with_input_derivatives_a_driven_run_has_the_order_of_the_method(
         (2, {0.5: 1.0}),
         (3, {0.0: 1 / 6, 0.5: 4 / 6, 1.0: 1 / 6}),
         (4, {1.0: 1.0}),
+        (5, {0.0: 1 / 2, 1.0: 1 / 2}),
+        (6, {0.0: sqrt(2) / 4, 2 - sqrt(2): sqrt(2) / 4, 1.0: 1 - sqrt(2) / 2}),
+        (7, {1 / 4: 25 / 24, 3 / 4: -49 / 48, 11 / 20: 125 / 16, 1 / 2: -85 / 12, 1.0: 1 / 4}),
+        (8, {0.0: 1 / 6, 0.5: 4 / 6, 1.0: 1 / 6}),  # exact for the series of a cubic torque
     ],
 )
 def test_a_free_mass_shows_at_which_times_a_method_takes_the_torque(
@@ -88,7 +94,10 @@ def test_a_free_mass_shows_at_which_times_a_method_takes_the_torque(
         for place, weight in nodes.items()
         for t in ((i + place) * h,)
     ]
-    assert instance.get("w")[0] == pytest.approx(h * sum(torques) / 2.0, rel=1e-15 * len(torques), abs=0)
+    size = h * sum(map(abs, torques)) / 2.0
+    assert instance.get("w")[0] == pytest.approx(
+        h * sum(torques) / 2.0, rel=0, abs=1e-15 * len(torques) * size
+    )
 
 
 def test_without_input_derivatives_the_torque_is_held(
@@ -114,8 +123,8 @@ RAMP = {"gamma": 0.0, "g": 0.0, "phi_start": 0.0, "tau": 1.0}
 
 
 def derivatives(instance: Instance) -> list[float]:
-    """Return der(phi), der(w), der(a), der(E), and those of order 2."""
-    return [instance.output_derivative(name, order) for order in (1, 2) for name in OUTPUTS]
+    """Return der(phi), der(w), der(a), der(E)."""
+    return [instance.output_derivative(name) for name in OUTPUTS]
 
 
 def seen(instance: Instance) -> list[float]:
@@ -126,10 +135,10 @@ def test_what_is_read_after_a_step_belongs_to_its_end(instance: Instance) -> Non
     """tau = 1 + 3*t on J = 1 alone: w = t + 1.5*t^2, E = w^2/2; every number is exact in binary."""
     instance.start(RAMP)
     assert instance.input_derivatives({1: 3.0}) == OK
-    assert derivatives(instance) == [0.0, 1.0, 3.0, 0.0, 1.0, 3.0, 0.0, 1.0]
+    assert derivatives(instance) == [0.0, 1.0, 3.0, 0.0]
     assert instance.step(0.0, 0.5) == OK
     assert instance.get("w", "a", "tau") == (pytest.approx(0.875, rel=1e-13, abs=0), 2.5, 1.0)
-    expected = [0.875, 2.5, 3.0, 2.1875, 2.5, 3.0, 0.0, 2.5**2 + 0.875 * 3.0]
+    expected = [0.875, 2.5, 3.0, 2.1875]
     assert derivatives(instance) == pytest.approx(expected, rel=1e-13, abs=0)
     assert instance.call("fmi2Terminate") == OK
     assert derivatives(instance) == pytest.approx(expected, rel=1e-13, abs=0)
@@ -137,12 +146,12 @@ def test_what_is_read_after_a_step_belongs_to_its_end(instance: Instance) -> Non
 
 
 def test_all_coefficients_of_the_torque_count_at_the_end_of_a_step(instance: Instance) -> None:
-    """tau = 1 + 2*t - 3*t^2 + 4*t^3 on J = 2: 1.75 at t = 0.5 with the derivatives 2 and 6."""
+    """tau = 1 + 2*t - 3*t^2 + 4*t^3 on J = 2: 1.75 at t = 0.5 with the derivative 2."""
     instance.start(RAMP | {"m": 2.0})
     assert instance.input_derivatives({1: 2.0, 2: -6.0, 3: 24.0}) == OK
     assert instance.step(0.0, 0.5) == OK
     assert instance.get("a") == (1.75 / 2,)
-    assert [instance.output_derivative("w", 2), instance.output_derivative("a", 2)] == [1.0, 3.0]
+    assert instance.output_derivative("a") == 1.0
 
 
 def test_the_torque_goes_on_until_it_is_set_anew(instance: Instance) -> None:
@@ -154,11 +163,11 @@ def test_the_torque_goes_on_until_it_is_set_anew(instance: Instance) -> None:
     after_a_step()
     assert instance.set("tau", 4.0) == OK
     assert instance.get("a") == (4.0,)
-    assert instance.output_derivative("w", 2) == 0.0
+    assert instance.output_derivative("a") == 0.0
     after_a_step()
     assert instance.input_derivatives({1: 7.0}) == OK
     assert instance.get("a") == (1.0,)
-    assert [instance.output_derivative(name, 2) for name in ("w", "a")] == [7.0, 0.0]
+    assert instance.output_derivative("a") == 7.0
     after_a_step()
     assert instance.step(0.5, 0.5) == OK  # nothing is set: tau is held as it was set
     assert instance.get("a", "tau") == (1.0, 1.0)
@@ -224,7 +233,7 @@ def sine_errors(instance: Instance, steps: int) -> list[float]:
         assert instance.set("tau", taus[0]) == OK
         assert instance.input_derivatives(dict(enumerate(taus[1:], start=1))) == OK
         assert instance.step(i * step, step) == OK
-        found = [*instance.get("w", "a"), *(instance.output_derivative(name, 1) for name in ("a", "E"))]
+        found = [*instance.get("w", "a"), *(instance.output_derivative(name) for name in ("a", "E"))]
         worst = [max(e, abs(x - y)) for e, x, y in zip(worst, found, exact, strict=True)]
     return worst
 

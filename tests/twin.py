@@ -1,47 +1,45 @@
-"""The pendulum in plain Python: what the FMU must return, bit for bit."""
+"""A model in plain Python, without the FMI shell: what its FMU must return, bit for bit."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
+from typing import Any
 
-from damped_pendulum.interface import DEFAULTS, VARIABLES
-from damped_pendulum.model import Pendulum
 from methods.integration import Integration
 from methods.solvers import METHODS, SolverMethod, substeps
+from tests.plants import PENDULUM, Plant
 
 
-def longest_substep(method: SolverMethod, step_size: float, pendulum: Pendulum) -> float:
+def longest_substep(method: SolverMethod, step_size: float, model: Any, plant: Plant = PENDULUM) -> float:
     """Return the upper bound of the substeps [s]."""
-    return Integration(method, step_size, pendulum.motion(), "pendulum", "torque").max_step
+    return Integration(method, step_size, model.motion(0.0), plant.system, plant.effort).max_step
 
 
 class Twin:
     """The kernel without the FMI shell."""
 
-    def __init__(self, **start: float) -> None:
-        values = DEFAULTS | {name.replace("solver_", "solver."): value for name, value in start.items()}
-        self.pendulum = Pendulum(*(values[name] for name in ("m", "L", "gamma", "g")))
-        self.phi, self.w, self.nfev = values["phi_start"], values["w_start"], 0
-        self.tau = values["tau"]
+    def __init__(self, plant: Plant, start: Mapping[str, float] | None = None) -> None:
+        values = plant.defaults | dict(start or {})
+        model = plant.slave.model
+        self.model = model(*(values[name] for name in model._fields))
+        self.x, self.v, self.nfev = values[plant.x_start], values[plant.v_start], 0
+        self.drive = values[plant.drive]
         method = SolverMethod(values["solver.method"])
         self.solve = METHODS[method].solver
-        self.max_step = longest_substep(method, values["solver.stepSize"], self.pendulum)
+        self.max_step = longest_substep(method, values["solver.stepSize"], self.model, plant)
 
     def step(self, time: float, duration: float) -> None:
         n = substeps(time, duration, self.max_step)
-        motion = self.pendulum.motion(self.tau)
-        self.phi, self.w, nfev = self.solve(motion, self.phi, self.w, duration / n, n)
+        motion = self.model.motion(self.drive)
+        self.x, self.v, nfev = self.solve(motion, self.x, self.v, duration / n, n)
         self.nfev += nfev
 
     def save(self) -> Twin:
         return copy(self)
 
     @property
-    def outputs(self) -> tuple[float, ...]:
-        """phi, w, a, E, solver.nfev."""
-        a = self.pendulum.motion(self.tau).acceleration()(self.phi, self.w)
-        return self.phi, self.w, a, self.pendulum.energy(self.phi, self.w), self.nfev
-
-
-VR = {variable.name: vr for vr, variable in enumerate(VARIABLES)}
-OUTPUTS = ("phi", "w", "a", "E", "solver.nfev")
+    def calculated(self) -> tuple[float, ...]:
+        """The values of what the plant calculates."""
+        a = self.model.motion(self.drive).acceleration()(self.x, self.v)
+        return self.x, self.v, a, self.model.energy(self.x, self.v), self.nfev

@@ -7,6 +7,7 @@ from math import inf, isfinite, nan
 from random import Random
 from typing import Any
 
+from methods.solvers import SolverMethod
 from tests.driver import DISCARD, ERROR, FATAL, OK, WARNING, Fmu, Instance, collect, is_error
 
 
@@ -39,13 +40,6 @@ class Walk:
 
     def __init__(self, fmu: Fmu, random: Random) -> None:
         self.fmu, self.random = fmu, random
-        variables = fmu.description.modelVariables
-        self.x, self.v, *_ = (variable.name for variable in variables if variable.causality == "output")
-        (self.drag,) = (
-            variable.name
-            for variable in variables
-            if variable.declaredType and variable.declaredType.name == "TranslationalDampingConstant"
-        )
         self.instances: list[Instance] = []
         self.states: list[Any] = []
         self.calls = self.errors = 0
@@ -104,9 +98,9 @@ class Walk:
     def legal_start(self) -> int:
         assert self.instance.reset() == OK
         start = {
-            f"{self.x}_start": self.random.uniform(-4.0, 4.0),
-            self.drag: 10.0 ** self.random.uniform(-3, 9),
-            "solver.method": self.random.randint(1, 4),
+            self.fmu.plant.x_start: self.random.uniform(-4.0, 4.0),
+            self.fmu.plant.drag: 10.0 ** self.random.uniform(-3, 9),
+            "solver.method": self.random.choice(list(SolverMethod)),
         }
         return self.instance.initialize(start)
 
@@ -114,7 +108,7 @@ class Walk:
         """Three steps; on OK the outputs are finite."""
         status = max(self.instance.step(0.01 * k, 0.01) for k in range(3))
         if not is_error(status):
-            assert all(map(isfinite, self.instance.get(self.x, self.v)))
+            assert all(map(isfinite, self.instance.get(*self.fmu.plant.state)))
         return status
 
     def number(self) -> float:

@@ -6,7 +6,7 @@ import io
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
-from ctypes import c_double, c_uint
+from ctypes import c_double, c_uint, c_void_p, cast
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import pairwise
@@ -32,6 +32,10 @@ class SolverMethod(IntEnum):
     ExplicitMidPoint2 = 2
     ExplicitRungeKutta4 = 3
     ImplicitEuler = 4
+    ImplicitTrapezoid = 5
+    TRBDF2 = 6
+    SDIRK4 = 7
+    TaylorSeries = 8
 
 
 EULER: int = SolverMethod.ExplicitEuler
@@ -40,7 +44,8 @@ RK4: int = SolverMethod.ExplicitRungeKutta4
 IMPLICIT_EULER: int = SolverMethod.ImplicitEuler
 METHOD_NAMES: dict[int, str] = {method: method.name for method in SolverMethod}
 PARAMETERS = ("m", "L", "gamma", "g", "phi_start", "w_start", "solver.method", "solver.stepSize")
-OUTPUTS = ("phi", "w", "a", "E", "solver.nfev")
+OUTPUTS = ("phi", "w", "a", "E")
+EVALUATIONS = "solver.nfev"
 G = 9.80665  # default gravity acceleration [m/s2]
 W02 = G  # squared angular frequency of small swings of the default pendulum [rad2/s2]
 W0 = sqrt(W02)
@@ -63,6 +68,8 @@ class Experiment:
     record : outputs to read at every communication point
     begin : start time [s]
     points : communication points [s] instead of those from `begin` to `stop`
+    polynomial : tau [N.m] and its first three derivatives by time as functions of the begin and length of a
+        communication step [s], instead of `torque`; for a `Host` alone
     """
 
     stop: float
@@ -72,6 +79,7 @@ class Experiment:
     record: Sequence[str] = ("phi",)
     begin: float = 0.0
     points: Sequence[float] | None = None
+    polynomial: Callable[[float, float], Sequence[float]] | None = None
 
     def times(self) -> list[float]:
         """Return the communication points [s], formed without accumulation."""
@@ -100,6 +108,10 @@ class Run:
         return self.columns[name]
 
 
+Host = Callable[..., int]
+"""A compiled importer, see race/host.c."""
+
+
 class Fmu:
     """The built FMU, extracted and instantiated once; `native` says that it needs no Python.
 
@@ -122,7 +134,9 @@ class Fmu:
             reason = str(error).split("\n", 1)[0]
             raise UnusableFmuError(f"{path} is not a readable FMU: {reason}") from None
         self._reference = {v.name: v.valueReference for v in self.description.modelVariables}
-        missing = [name for name in (*PARAMETERS, "tau", *OUTPUTS) if name not in self._reference]
+        missing = [
+            name for name in (*PARAMETERS, "tau", *OUTPUTS, EVALUATIONS) if name not in self._reference
+        ]
         if missing:
             raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
         self.native = not self.description.coSimulation.needsExecutionTool
@@ -155,6 +169,13 @@ class Fmu:
         The functions of the FMU are called as FMPy has loaded them, without the wrappers in Python around them, so
         that the time is that of the FMU.
         """
+        return self._run(experiment, None)
+
+    def run_in(self, host: Host, experiment: Experiment) -> Run:
+        """Simulate in a compiled host, which has the loop over the communication steps and sets no held torque."""
+        return self._run(experiment, host)
+
+    def _run(self, experiment: Experiment, host: Host | None) -> Run:
         slave, component = self._slave, self._slave.component
         do_step = slave.dll.fmi2DoStep
         times = experiment.times()
@@ -171,17 +192,20 @@ class Fmu:
             slave.enterInitializationMode()
             ready = slave.dll.fmi2ExitInitializationMode(component) <= fmi2Warning
             rows.append(read() if ready else [nan] * len(experiment.record))
-            begin = clock()
-            for now, then in pairwise(times) if ready else ():
-                if experiment.torque is not None:
-                    set_torque(experiment.torque(now))
-                if do_step(component, now, then - now, fmi2True) > fmi2Warning:
-                    rows.append([nan] * len(experiment.record))
-                    break
-                if experiment.record:
-                    rows.append(read())
-            seconds = clock() - begin
-            nfev = slave.getInteger([self._reference["solver.nfev"]])[0]
+            if host is not None and ready:
+                seconds = self._loop_of(host, experiment, times, rows)
+            else:
+                begin = clock()
+                for now, then in pairwise(times) if ready else ():
+                    if experiment.torque is not None:
+                        set_torque(experiment.torque(now))
+                    if do_step(component, now, then - now, fmi2True) > fmi2Warning:
+                        rows.append([nan] * len(experiment.record))
+                        break
+                    if experiment.record:
+                        rows.append(read())
+                seconds = clock() - begin
+            nfev = slave.getInteger([self._reference[EVALUATIONS]])[0]
         failure = next((text for status, text in self._messages if status > fmi2Warning), "")
         table = np.array(rows, dtype=float).reshape(len(rows), len(experiment.record))
         return Run(
@@ -192,6 +216,29 @@ class Fmu:
             failure=failure,
             warnings=[text for status, text in self._messages if status == fmi2Warning],
         )
+
+    def _loop_of(
+        self, host: Host, experiment: Experiment, times: Sequence[float], rows: list[list[float]]
+    ) -> float:
+        """Run in a compiled host, append to `rows` what it reads, and return its time [s]."""
+        dll, steps, width = self._slave.dll, len(times) - 1, len(experiment.record)
+        names = ("fmi2DoStep", "fmi2GetReal", "fmi2SetReal", "fmi2SetRealInputDerivatives")
+        functions = [cast(getattr(dll, name), c_void_p) for name in names]
+        references = (c_uint * width)(*(self._reference[name] for name in experiment.record))
+        table = (c_double * (steps * width))()
+        inputs = None
+        if experiment.polynomial is not None:
+            values = [x for now, then in pairwise(times) for x in experiment.polynomial(now, then - now)]
+            inputs = (c_double * len(values))(*values)
+        points = (c_double * len(times))(*times)
+        tau, component = self._reference["tau"], c_void_p(self._slave.component)
+        begin = clock()
+        done = host(*functions, component, steps, points, width, references, table, tau, inputs)
+        seconds = clock() - begin
+        rows += [table[i * width : (i + 1) * width] for i in range(done)]
+        if done < steps:
+            rows.append([nan] * width)
+        return seconds
 
     def _reader(self, names: Sequence[str]) -> Callable[[], list[float]]:
         slave, n = self._slave, len(names)

@@ -12,12 +12,12 @@ Divided by J this is Grillo, "Exercise: the pendulum", with k^2 = gamma/m and om
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from math import copysign, cos, frexp, inf, isfinite, ldexp, sin, sqrt
 from sys import float_info
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-Acceleration = Callable[[float, float], float]
-ImplicitStage = Callable[[float, float], tuple[float, float, int]]
+from methods.motion import Acceleration, ImplicitStage, TaylorStep
 
 
 class Motion(NamedTuple):
@@ -67,15 +67,16 @@ class Motion(NamedTuple):
         s = b * kick
         push = b * self.drive
 
+        def free(phi: float, w: float) -> tuple[float, float, int]:
+            v = (w + push) / denominator
+            return phi + b * v, v, 1
+
         def stage(phi: float, w: float) -> tuple[float, float, int]:
             v = (w + push) / denominator
-            c = phi + b * v
-            if s == 0.0:
-                return c, v, 1
-            x, evaluations = solve_kepler(s, c)
+            x, evaluations = solve_kepler(s, phi + b * v)
             return x, v - kick * sin(x), evaluations
 
-        return stage
+        return stage if s != 0.0 else free
 
     def longest_implicit_stage(self) -> float:
         """Return the factor b [s] below which the equation of an implicit stage has a single root.
@@ -87,6 +88,22 @@ class Motion(NamedTuple):
         w0 = sqrt(abs(self.w02))
         half = self.damping_rate / (2.0 * w0)
         return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9)
+
+    def taylor_step(self, h: float, order: int) -> TaylorStep:
+        """Return phi and w after `h` [s], by their Taylor series up to `order`, as a function of phi and w.
+
+        With the terms of phi, w and those of s = sin(phi), c = cos(phi), each with its power of h,
+
+            phi[k+1] = h/(k+1)*w[k],   w[k+1] = h/(k+1)*(drive[k] - k2*w[k] - w02*s[k]),
+            s[k+1] = h/(k+1)*sum_j w[j]*c[k-j],   c[k+1] = -h/(k+1)*sum_j w[j]*s[k-j]
+
+        from der(s) = w*c and der(c) = -w*s.
+        """
+        drive, drag, gravity = self.coefficients()
+        bind = _taylor_program(order, drag != 0.0, gravity != 0.0)
+        ratios = [h / k for k in range(1, order + 1)]
+        step: TaylorStep = bind(drive, drag, gravity, *ratios, *(-ratio for ratio in ratios))
+        return step
 
 
 class Pendulum(NamedTuple):
@@ -179,22 +196,72 @@ def scaled(value: float, power: int) -> float:
         return copysign(inf, value)
 
 
+@cache
+def _taylor_program(order: int, has_drag: bool, has_gravity: bool) -> Callable[..., TaylorStep]:
+    """Return the recursions of `Motion.taylor_step` with their sums written out: loops would double the time.
+
+    What is returned takes drive, drag and gravity, and h/k and -h/k for k = 1, ..., `order`.
+    """
+    lines = ["s0, c0 = sin(phi0), cos(phi0)"] if has_gravity else []
+    for k in range(order):
+        terms = ["drive"] * (k == 0) + [f"drag * w{k}"] * has_drag + [f"gravity * s{k}"] * has_gravity
+        lines += [f"phi{k + 1} = h{k + 1} * w{k}", f"w{k + 1} = h{k + 1} * ({' + '.join(terms) or '0.0'})"]
+        if has_gravity and k + 1 < order:
+            # The newest terms come last: in C the others are added while these are computed.
+            pairs = [(j, k - j) for j in [*range(1, k), *sorted({0, k}, reverse=True)]]
+            lines += [
+                f"s{k + 1} = h{k + 1} * ({' + '.join(f'w{i} * c{j}' for i, j in pairs)})",
+                f"c{k + 1} = minus_h{k + 1} * ({' + '.join(f'w{i} * s{j}' for i, j in pairs)})",
+            ]
+    sums = [" + ".join(f"{name}{k}" for k in range(order, -1, -1)) for name in ("phi", "w")]
+    ratios = [f"{name}{k}" for name in ("h", "minus_h") for k in range(1, order + 1)]
+    program = [
+        f"def bind({', '.join(['drive', 'drag', 'gravity', *ratios])}):",
+        "    def step(phi0, w0):",
+        *(f"        {line}" for line in lines),
+        f"        return {', '.join(sums)}",
+        "    return step",
+    ]
+    names: dict[str, Any] = {"sin": sin, "cos": cos}
+    exec("\n".join(program), names)
+    bind: Callable[..., TaylorStep] = names["bind"]
+    return bind
+
+
 _QUARTER_ULP = float_info.epsilon / 4.0  # of 1
 
 
 def solve_kepler(s: float, c: float) -> tuple[float, int]:
     """Solve x + s*sin(x) = c for |s| < 1 by Newton's method to the last bit.
 
-    The root is kept between bounds, and a Newton step that would leave them is replaced by a bisection,
-    so the iteration ends for every s. `x - c` is exact near the root, so the residual is good to a
-    rounding error of s*sin(x), not of x.
+    For |s| <= 1/2 a Newton step leaves less than a quarter of the error, which is |s| at most at the start. `x - c` is
+    exact near the root, so the residual is good to a rounding error of s*sin(x), not of x.
 
     Returns
     -------
     x : the root, in the unit of `c`
     evaluations : how often sin and cos were evaluated
     """
-    low, high = c - 2.0 * abs(s), c + 2.0 * abs(s)
+    size = abs(s)
+    if size > 0.5:
+        return _solve_between_bounds(s, c)
+    x = c
+    evaluations = 0
+    while True:
+        slope = 1.0 + s * cos(x)
+        correction = ((x - c) + s * sin(x)) / slope
+        new = x - correction
+        evaluations += 1
+        # The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of a unit in the last place.
+        if size * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
+            return new, evaluations
+        x = new
+
+
+def _solve_between_bounds(s: float, c: float) -> tuple[float, int]:
+    """Do the same with the root kept between bounds: a Newton step that would leave them is replaced by a bisection."""
+    size = abs(s)
+    low, high = c - 2.0 * size, c + 2.0 * size
     x = c
     evaluations = 0
     while True:
@@ -207,8 +274,7 @@ def solve_kepler(s: float, c: float) -> tuple[float, int]:
         slope = 1.0 + s * cos(x)
         correction = residual / slope
         new = x - correction
-        # The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of a unit in the last place.
-        if abs(s) * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
+        if size * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
             return new, evaluations
         if not low < new < high:
             new = 0.5 * (low + high)

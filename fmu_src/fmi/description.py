@@ -21,6 +21,11 @@ _CAUSALITY = {
         "variability": Fmi2Variability.continuous,
         "initial": Fmi2Initial.calculated,
     },
+    "local": {
+        "causality": Fmi2Causality.local,
+        "variability": Fmi2Variability.discrete,
+        "initial": Fmi2Initial.calculated,
+    },
 }
 
 
@@ -49,10 +54,7 @@ class TypedInteger(Integer):  # type: ignore[misc]  # pythonfmu is not typed
     """An Integer, or the Enumeration that FMI reads and writes as an Integer."""
 
     def __init__(self, variable: Variable) -> None:
-        attributes = _CAUSALITY[variable.causality]
-        if variable.causality == "output":
-            attributes = attributes | {"variability": Fmi2Variability.discrete}
-        super().__init__(variable.name, description=variable.description, **attributes)
+        super().__init__(variable.name, description=variable.description, **_CAUSALITY[variable.causality])
         self.variable = variable
 
     def to_xml(self) -> Element:

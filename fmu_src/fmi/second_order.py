@@ -9,7 +9,8 @@ from operator import attrgetter
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from methods.integration import Integration
-from methods.solvers import Motion, SolverMethod
+from methods.motion import Motion
+from methods.solvers import SolverMethod
 
 from .shell import INTEGER_MAX, CoSimulation, is_count, is_float
 
@@ -53,7 +54,7 @@ class SecondOrder(CoSimulation):
         """Make the tables of the shell from the names."""
         names = cls.names
         cls.entries = {names.x: is_float, names.v: is_float, "nfev": is_count}
-        cls.outputs = {
+        cls.calculated = {
             names.x: attrgetter("x"),
             names.v: attrgetter("v"),
             names.a: partial(cls._computed, name=names.a, compute=cls._acceleration),

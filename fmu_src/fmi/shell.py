@@ -46,13 +46,13 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
     Attributes
     ----------
     interface : the tables of the interface
-    outputs : of every output, a function of the slave that returns its value
+    calculated : of every calculated variable, a function of the slave that returns its value
     entries : of everything that a saved state holds besides what the shell keeps, what it can be by itself
-    values : values of the variables by value reference, None for outputs
+    values : values of the variables by value reference, None for calculated ones
     """
 
     interface: ClassVar[Interface]
-    outputs: ClassVar[Mapping[str, Reader]]
+    calculated: ClassVar[Mapping[str, Reader]]
     entries: ClassVar[Mapping[str, Callable[[Any], bool]]]
 
     _format: ClassVar[str]
@@ -106,7 +106,7 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         cls._reference = interface.references()
         cls._inputs = [vr for vr, variable in enumerate(interface.variables) if variable.causality == "input"]
         readers = {
-            vr: cls.outputs.get(variable.name, _reader_of_value(vr))
+            vr: cls.calculated.get(variable.name, _reader_of_value(vr))
             for vr, variable in enumerate(interface.variables)
         }
         reals = {vr for vr in readers if interface.is_real(interface.variables[vr])}
@@ -326,7 +326,7 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
 
     def _can_be_value(self, variable: Variable, value: object) -> bool:
         """Return whether an instance can hold `value`, allowed or not, for `variable`."""
-        if variable.causality == "output":
+        if variable.is_calculated:
             return value is None
         if self.interface.is_real(variable):
             return is_float(value)
@@ -373,8 +373,8 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         self.fail(f"value reference {vr} is unknown (allowed: 0..{len(variables) - 1})")
 
     def _refuse_unless_settable(self, variable: Variable) -> None:
-        if variable.causality == "output":
-            self.fail(f"{variable.name} is an output: it cannot be set")
+        if variable.is_calculated:
+            self.fail(f"{variable.name} is {_WITH_ARTICLE[variable.causality]}: it cannot be set")
         if self._mode == "terminated":
             self.fail(f"{variable.name} cannot be set: the run has ended")
         if self._mode == "stepping":
@@ -440,6 +440,8 @@ def is_count(value: object) -> bool:
     """Return whether `value` is a whole number from 0 to the largest fmi2Integer."""
     return type(value) is int and 0 <= value <= INTEGER_MAX
 
+
+_WITH_ARTICLE = {"output": "an output", "local": "a local variable"}
 
 _TIMES_AND_MODE: Mapping[str, Callable[[Any], bool]] = {
     "mode": lambda value: value in MODES,

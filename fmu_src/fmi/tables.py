@@ -67,7 +67,7 @@ class Variable(NamedTuple):
     ----------
     name : name in the FMU
     type : name of a `Type` or an `Enumeration`, or "Integer"
-    causality : "parameter" (fixed, exact), "input" (continuous) or "output" (calculated)
+    causality : "parameter" (fixed, exact), "input" (continuous), "output" or "local" (calculated)
     description : one line, no unit
     start : start value [unit of the type] of a parameter or an input
     range : allowed values of a parameter or an input
@@ -87,6 +87,11 @@ class Variable(NamedTuple):
     derivative_of: str | None = None
     depends_on: tuple[str, ...] = ()
     starts_from: tuple[str, ...] = ()
+
+    @property
+    def is_calculated(self) -> bool:
+        """Whether the FMU calculates the variable, so that it cannot be set."""
+        return self.causality in ("output", "local")
 
     def allows(self, value: float) -> bool:
         """Return whether `value` is allowed for this parameter or input."""

@@ -1,7 +1,7 @@
 """Explicit solvers with the acting terms of the acceleration written into their loops, as one would by hand.
 
 A call costs CPython more than the arithmetic of a stage, and a scene should not pay for terms that are zero. The result
-equals that of the solver as it reads in `solvers.py` bit for bit, but for the sign of a zero.
+equals that of the solver as it reads in `explicit.py` bit for bit, but for the sign of a zero.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from inspect import getsource
 from itertools import repeat
 from typing import Any
 
-from .solvers import METHODS, Motion, Solver
+from .explicit import explicit_euler, explicit_midpoint2, explicit_runge_kutta4
+from .motion import Motion, Solver
 
 
 def inlined(solver: Solver, motion: Motion) -> Solver:
@@ -32,7 +33,8 @@ def _source(solver: Solver) -> str | None:
 
 
 # Read now: importers remove the files of an instance, while Python keeps the modules.
-_SOURCES = {method.solver: _source(method.solver) for method in METHODS.values() if method.stages is not None}
+_EXPLICIT: tuple[Solver, ...] = (explicit_euler, explicit_midpoint2, explicit_runge_kutta4)
+_SOURCES = {solver: _source(solver) for solver in _EXPLICIT}
 
 
 @cache

@@ -6,7 +6,8 @@ from math import inf, isfinite
 from typing import NoReturn
 
 from .inline import inlined
-from .solvers import METHODS, Motion, Solver, SolverMethod, stability_limit, substeps
+from .motion import Motion, Solver
+from .solvers import METHODS, SolverMethod, stability_limit, substeps
 
 
 class Integration:
@@ -29,8 +30,8 @@ class Integration:
     ) -> None:
         self.method, self.system, self.drive = method, system, drive
         self.limit = stability_limit(method, motion.damping_rate, motion.w02)
-        is_implicit = METHODS[method].stages is None
-        self.max_step = min(step_size, motion.longest_implicit_stage() if is_implicit else inf)
+        diagonal = METHODS[method].diagonal
+        self.max_step = min(step_size, motion.longest_implicit_stage() / diagonal if diagonal else inf)
         self._motion: Motion
         self._solve: Solver
 

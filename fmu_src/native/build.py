@@ -21,8 +21,10 @@ from typing import NamedTuple
 
 import fmpy
 
+from fmi.second_order import Names
 from fmi.tables import Range, Variable
 from methods.solvers import MAX_SUBSTEPS, METHODS, SolverMethod
+from methods.taylor import ORDER as TAYLOR_ORDER
 from slave import SLAVE
 
 FOLDER = Path(__file__).resolve().parent
@@ -43,8 +45,10 @@ SHELL = (
 )
 # The one file that knows the model, see model.h.
 (MODEL_FILE,) = {path.name for path in FOLDER.glob("*.c")} - {*SOURCES, *SHELL}
-MAX_INPUT_ORDER = 3  # of the derivatives of the input; with these no method loses any of its order, 4 at most
-MAX_OUTPUT_ORDER = 2  # of the derivatives that fmi2GetRealOutputDerivatives knows
+MAX_INPUT_ORDER = (
+    3  # of the derivatives of the input; with these no Runge-Kutta method loses any of its order
+)
+MAX_OUTPUT_ORDER = 1  # of the derivatives that fmi2GetRealOutputDerivatives knows
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = (
     "-std=c11",
@@ -98,11 +102,11 @@ def header(guid: str) -> str:
         "STATE_FORMAT": INTERFACE.state_format(MODEL_NAME),
         "REFERENCES": ", ".join(f"VR_{variable.name.replace('.', '_')}" for variable in INTERFACE.variables),
         "VARIABLES": "\n".join(map(_row, INTERFACE.variables)),
+        "MODEL": _model(SLAVE.names),
         "METHODS": ", ".join(f"{method.name} = {method.value}" for method in SolverMethod),
-        "METHOD_ROWS": "\n".join(
-            f'    [{method.name}] = {{"{method.name}", {_c_double(METHODS[method].real_limit)}}},'
-            for method in SolverMethod
-        ),
+        "METHOD_ROWS": "\n".join(map(_method_row, SolverMethod)),
+        "MAX_STAGES": str(max(len(method.tableau) for method in METHODS.values())),
+        "TAYLOR_ORDER": str(TAYLOR_ORDER),
         "MAX_SUBSTEPS": str(MAX_SUBSTEPS),
         "MAX_INPUT_ORDER": str(MAX_INPUT_ORDER),
         "MAX_OUTPUT_ORDER": str(MAX_OUTPUT_ORDER),
@@ -119,6 +123,19 @@ def _row(variable: Variable) -> str:
     strings = ", ".join(f'"{text}"' for text in (variable.name, INTERFACE.unit_of(variable), allowed.text))
     numbers = ", ".join(map(_c_double, (variable.start or 0.0, allowed.lowest, allowed.highest)))
     return f"    {{{strings}, {kind}, {variable.causality.upper()}, {numbers}}},"
+
+
+def _model(names: Names) -> str:
+    variables = (names.x, names.v, names.a, f"{names.x}_start", f"{names.v}_start", names.drive)
+    references = ", ".join(f"VR_{name}" for name in variables)
+    return f'{references}, "{names.system}", "{names.effort}"'
+
+
+def _method_row(method: SolverMethod) -> str:
+    known = METHODS[method]
+    rows = ", ".join(f"{{{', '.join(map(_c_double, row))}}}" for row in known.tableau or ((0.0,),))
+    facts = f'"{method.name}", {known.order}, {_c_double(known.real_limit)}, {len(known.tableau)}'
+    return f"    [{method.name}] = {{{facts}, {{{rows}}}}},"
 
 
 def _c_double(value: float) -> str:

@@ -93,9 +93,11 @@ static fmi2Status check_arrays(Instance *self, size_t count, const void *one, co
 }
 
 /* Check that a variable can be set now. */
-static fmi2Status check_settable(Instance *self, const Variable *variable) {
-    if (variable->causality == OUTPUT)
-        return tell(self, fmi2Error, "%s is an output: it cannot be set", variable->name);
+static fmi2Status check_settable(Instance *self, fmi2ValueReference reference) {
+    const Variable *variable = &VARIABLES[reference];
+    if (is_calculated(reference))
+        return tell(self, fmi2Error, "%s is %s: it cannot be set", variable->name,
+                    variable->causality == OUTPUT ? "an output" : "a local variable");
     if (self->state.mode == TERMINATED)
         return tell(self, fmi2Error, "%s cannot be set: the run has ended", variable->name);
     if (self->state.mode == STEPPING && variable->causality == PARAMETER)
@@ -127,7 +129,7 @@ static fmi2Status check(Instance *self, Use use, Type type, const fmi2ValueRefer
         if (use == SET_DERIVATIVE && !isfinite(reals[i]))
             return tell(self, fmi2Error, "derivative of order %d of %s = %s (allowed: finite)", orders[i], name,
                         repr(reals[i]).text);
-        if (set && check_settable(self, variable)) return fmi2Error;
+        if (set && check_settable(self, vr[i])) return fmi2Error;
     }
     return fmi2OK;
 }
@@ -507,11 +509,11 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
     if (check(self, GET_DERIVATIVE, REAL, vr, n, values, orders)) return fmi2Error;
     const Simulation *simulation = &self->state.simulation;
     for (size_t i = 0; i < n; i++)
-        if (!isfinite(time_derivative(simulation, vr[i], orders[i])))
+        if (!isfinite(time_derivative(simulation, vr[i])))
             return tell(self, fmi2Error, "derivative of order %d of %s is out of the range of a double", orders[i],
                         VARIABLES[vr[i]].name);
     for (size_t i = 0; i < n; i++)
-        values[i] = time_derivative(simulation, vr[i], orders[i]);
+        values[i] = time_derivative(simulation, vr[i]);
     return fmi2OK;
 }
 

@@ -2,6 +2,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdlib.h>
 
 /* Motion */
 
@@ -29,8 +30,9 @@ static inline double acceleration(const Motion *p, double t, double x, double v)
     return model_acceleration(&p->model, p->order == 0 ? p->drive[0] : drive_at(p, t), x, v);
 }
 
-/* Methods: each advances x and v by the substep of h that begins at t, and returns its evaluations. They and what they
- * call are inline, because a call costs as much as the arithmetic of a stage. */
+/* Methods: each advances x and v by the substep of h that begins at t, and returns its evaluations; the implicit ones
+ * have the loop over the substeps, too. They and what they call are inline, because a call costs as much as the
+ * arithmetic of a stage. */
 
 static inline int64_t explicit_euler(const Motion *p, double t, double h, double *x, double *v) {
     const double a = acceleration(p, t, *x, *v);
@@ -97,8 +99,39 @@ static inline int64_t newton_stage(const Model *model, double b, double drive, d
     }
 }
 
-static inline int64_t implicit_euler(const Motion *p, double t, double h, double *x, double *v) {
-    return model_implicit_stage(&p->model, h, drive_at(p, t + h), x, v);
+static inline double total(const double terms[TAYLOR_ORDER + 1]) {
+    double value = 0.0;
+    for (int k = TAYLOR_ORDER; k >= 0; k--)
+        value += terms[k];
+    return value;
+}
+
+static inline double convolution(const double *first, const double *second, int k) {
+    double product = first[0] * second[k];
+    for (int j = 1; j <= k; j++)
+        product += first[j] * second[k - j];
+    return product;
+}
+
+/* The polynomial of the drive about t, each term with its power of h. */
+static inline void drive_terms(const Motion *p, double t, double h, double terms[MAX_INPUT_ORDER + 1]) {
+    for (int k = 0; k <= MAX_INPUT_ORDER; k++)
+        terms[k] = p->drive[k];
+    for (int i = 0; i < p->order; i++)
+        for (int k = p->order - 1; k >= i; k--)
+            terms[k] += t * terms[k + 1];
+    double power = 1.0;
+    for (int k = 1; k <= p->order; k++) {
+        power *= h;
+        terms[k] *= power;
+    }
+}
+
+static inline int64_t taylor_series(const Motion *p, double t, double h, double *x, double *v) {
+    double drive[MAX_INPUT_ORDER + 1];
+    drive_terms(p, t, h, drive);
+    model_taylor_step(&p->model, drive, h, x, v);
+    return TAYLOR_ORDER;
 }
 
 static inline int64_t substeps_of(int64_t (*step)(const Motion *, double, double, double *, double *),
@@ -114,6 +147,45 @@ static inline int64_t substeps_of(int64_t (*step)(const Motion *, double, double
     return nfev;
 }
 
+/* The substeps of a diagonally implicit Runge-Kutta method by its tableau, as implicit.py has them. */
+static inline int64_t diagonally_implicit(Method method, const Motion *given, double *x, double *v, double h,
+                                          int64_t first, int64_t n) {
+    const Motion p = *given; /* a copy that no call can change */
+    const int stages = METHODS[method].stages;
+    const double diagonal = METHODS[method].A[stages - 1][stages - 1];
+    const double b = h * diagonal;
+    const bool is_explicit = METHODS[method].A[0][0] == 0.0;
+    double x_then = *x;
+    double rates[MAX_STAGES];
+    double kicks[MAX_STAGES]; /* b*a of each stage */
+    rates[stages - 1] = *v;
+    kicks[stages - 1] = is_explicit ? b * acceleration(&p, (double)first * h, *x, *v) : 0.0;
+    int64_t nfev = is_explicit ? 1 : 0;
+    for (int64_t i = first; i < first + n && isfinite(x_then) && isfinite(rates[stages - 1]); i++) {
+        const double x_before = x_then;
+        const double v_before = rates[stages - 1];
+        rates[0] = v_before;
+        kicks[0] = kicks[stages - 1];
+        for (int k = is_explicit ? 1 : 0; k < stages; k++) {
+            const double *row = METHODS[method].A[k];
+            double v_known = v_before;
+            double node = row[k];
+            x_then = x_before;
+            for (int j = 0; j < k; j++) {
+                x_then += h * row[j] * rates[j];
+                v_known += row[j] / diagonal * kicks[j];
+                node += row[j];
+            }
+            rates[k] = v_known;
+            nfev += model_implicit_stage(&p.model, b, drive_at(&p, (double)i * h + node * h), &x_then, &rates[k]);
+            kicks[k] = rates[k] - v_known;
+        }
+    }
+    *x = x_then;
+    *v = rates[stages - 1];
+    return nfev;
+}
+
 /* Integrate over the substeps first, ..., first + n - 1 of h [s] while the state is finite; return the evaluations.
  * A loop for each method: a choice in the loop would cost a tenth. */
 static int64_t integrate(const Motion *p, double *x, double *v, double h, int64_t first, int64_t n) {
@@ -121,45 +193,72 @@ static int64_t integrate(const Motion *p, double *x, double *v, double h, int64_
     case ExplicitEuler: return substeps_of(explicit_euler, p, x, v, h, first, n);
     case ExplicitMidPoint2: return substeps_of(explicit_midpoint2, p, x, v, h, first, n);
     case ExplicitRungeKutta4: return substeps_of(explicit_runge_kutta4, p, x, v, h, first, n);
-    default: return substeps_of(implicit_euler, p, x, v, h, first, n);
+    case ImplicitEuler: return diagonally_implicit(ImplicitEuler, p, x, v, h, first, n);
+    case ImplicitTrapezoid: return diagonally_implicit(ImplicitTrapezoid, p, x, v, h, first, n);
+    case TRBDF2: return diagonally_implicit(TRBDF2, p, x, v, h, first, n);
+    case SDIRK4: return diagonally_implicit(SDIRK4, p, x, v, h, first, n);
+    default: return substeps_of(taylor_series, p, x, v, h, first, n);
     }
 }
 
 /* Limits */
 
+static double polynomial(const double *coefficients, int count, double h) {
+    double value = 0.0;
+    for (int i = count - 1; i >= 0; i--)
+        value = value * h + coefficients[i];
+    return value;
+}
+
+/* The coefficients of (|R(h*lambda)|^2 - 1)/h in rising powers of h, R the polynomial of exp of this degree, h in units
+ * of 1/w0, the damping rate z < 2 in units of w0. Up to `order` they are those of exp(-z*h). */
+static void growth(int order, double z, double coefficients[2 * TAYLOR_ORDER]) {
+    double factorials[TAYLOR_ORDER + 1] = {1.0};
+    double cosines[TAYLOR_ORDER + 1] = {1.0, -0.5 * z}; /* of the multiples of the argument of lambda */
+    for (int k = 1; k <= order; k++)
+        factorials[k] = factorials[k - 1] * k;
+    for (int k = 2; k <= order; k++)
+        cosines[k] = -z * cosines[k - 1] - cosines[k - 2];
+    double power = 1.0;
+    for (int m = 1; m <= order; m++) {
+        power *= -z;
+        coefficients[m - 1] = power / factorials[m];
+    }
+    for (int m = order + 1; m <= 2 * order; m++) {
+        coefficients[m - 1] = 0.0;
+        for (int i = m - order; i <= order; i++)
+            coefficients[m - 1] += cosines[abs(2 * i - m)] / (factorials[i] * factorials[m - i]);
+    }
+}
+
 /* Where w02 < 0 the model runs away from where it rests: the limit is that of swings as fast as this. */
 static double stability_limit(const Motion *p) {
-    const double k = -model_partial_derivative(&p->model, 0.0, MODEL.rest, 0.0, MODEL.a, MODEL.v);
-    const double w02 = -model_partial_derivative(&p->model, 0.0, MODEL.rest, 0.0, MODEL.a, MODEL.x);
+    const double k = -model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.v);
+    const double w02 = -model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.x);
     const double w0 = sqrt(fabs(w02));
-    if (p->method == ImplicitEuler || (k == 0.0 && w0 == 0.0)) return INFINITY;
+    if (METHODS[p->method].real_limit == INFINITY || (k == 0.0 && w0 == 0.0)) return INFINITY;
     if (k >= 2.0 * w0) {
         const double ratio = w0 / k;
         return METHODS[p->method].real_limit / (k * (0.5 + sqrt(0.25 - ratio * ratio)));
     }
-    /* (|R(h*lambda)|^2 - 1)/h in rising powers of h, R the stability function, in units of w0 */
-    const double z = k / w0;
-    const double z2 = z * z;
-    const double z3 = z2 * z;
-    const double z4 = z2 * z2;
-    const double growth[][8] = {
-        [ExplicitEuler] = {-z, 1.0},
-        [ExplicitMidPoint2] = {-z, z2 / 2, -z / 2, 0.25},
-        [ExplicitRungeKutta4] = {-z, z2 / 2, -z3 / 6, z4 / 24, (z - z3) / 24, z2 / 48 - 1.0 / 72, -z / 144, 1.0 / 576},
-    };
-    const double *leading = growth[p->method];
+    const int count = 2 * METHODS[p->method].order;
+    double coefficients[2 * TAYLOR_ORDER];
+    growth(METHODS[p->method].order, k / w0, coefficients);
+    const double *leading = coefficients;
     while (*leading == 0.0)
         leading++;
     if (*leading > 0.0) return 0.0;
+    /* Beyond an unstable gap a method may be stable once more: the bracket grows from zero by steps of a sixteenth. */
     double stable = 0.0;
-    double unstable = 4.0; /* |R| > 1 for every method and damping at |h*lambda| = 4 */
+    double unstable = 0.0625;
+    while (polynomial(coefficients, count, unstable) <= 0.0) {
+        stable = unstable;
+        unstable += 0.0625;
+    }
     for (;;) {
         const double middle = 0.5 * (stable + unstable);
         if (!(stable < middle && middle < unstable)) return stable / w0;
-        double value = 0.0;
-        for (int i = 7; i >= 0; i--)
-            value = value * middle + growth[p->method][i];
-        if (value <= 0.0) {
+        if (polynomial(coefficients, count, middle) <= 0.0) {
             stable = middle;
         } else {
             unstable = middle;
@@ -168,7 +267,9 @@ static double stability_limit(const Motion *p) {
 }
 
 static double longest_substep(const Motion *p, double step_size) {
-    return p->method == ImplicitEuler ? fmin(step_size, model_longest_implicit_stage(&p->model)) : step_size;
+    const int stages = METHODS[p->method].stages;
+    if (stages == 0) return step_size;
+    return fmin(step_size, model_longest_implicit_stage(&p->model) / METHODS[p->method].A[stages - 1][stages - 1]);
 }
 
 /* Add what to do about substeps of h [s] that went wrong or will. */

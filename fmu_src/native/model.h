@@ -4,7 +4,7 @@
  *
  *     der(x) = v,   der(v) = a(drive, x, v),   drive = a multiple of u
  *
- * with the parameters solver.method and solver.stepSize and the output solver.nfev. [x] is the unit of x.
+ * with the parameters solver.method and solver.stepSize and the local variable solver.nfev. [x] is the unit of x.
  *
  * A host may read outputs and derivatives before the parameters are checked, so that what is not about steps is called
  * with any values. A function fails by a result that is not finite; the host is told what could not be computed, or
@@ -18,15 +18,8 @@
 #include "interface.h"
 #include "text.h"
 
-/* The model's file defines `static const Facts MODEL`. */
-typedef struct {
-    unsigned x, v, a;          /* value references of the outputs x, v and a */
-    unsigned x_start, v_start; /* of the parameters that x and v start from */
-    unsigned input;            /* of the input u */
-    double rest;        /* x [x] of the small swings that the stability limits are for; v and drive are 0 there */
-    const char *system; /* what moves, in messages: "for this ..." */
-    const char *cause;  /* what u is, in messages: "check the ..." */
-} Facts;
+/* The model's file defines `static const double MODEL_REST`, the x [x] of the small swings that the stability limits
+ * are for; v and drive are 0 there. */
 
 /* What the parameters make of the equation; the model's file defines `struct Model`. */
 typedef struct Model Model;
@@ -54,6 +47,11 @@ static inline int64_t model_implicit_stage(const Model *model, double b, double 
 /* The b [s] below which these equations have a single solution; INFINITY: they always have. */
 static double model_longest_implicit_stage(const Model *model);
 
+/* Advance x and v by h [s]: their Taylor series up to TAYLOR_ORDER. The drive is a polynomial: drive[k] is its term
+ * with h^k [x/s2]. */
+static inline void model_taylor_step(const Model *model, const double drive[MAX_INPUT_ORDER + 1], double h, double *x,
+                                     double *v);
+
 /* An output [its unit] other than x, v and a. */
 static double model_output(const double values[VARIABLE_COUNT], unsigned output);
 
@@ -61,21 +59,24 @@ static double model_output(const double values[VARIABLE_COUNT], unsigned output)
 static double model_partial_derivative(const Model *model, double drive, double x, double v, unsigned output,
                                        unsigned known);
 
-/* The part of der(der(a)) [x/s4] by the second partial derivatives: a_xx*v^2 + 2*a_xv*v*a + a_vv*a^2. */
-static double model_curvature(const Model *model, double x, double v, double a);
-
 /* A moment of a motion. */
 typedef struct {
-    double drive, drive1, drive2; /* and its derivatives with respect to time [x/s2, x/s3, x/s4] */
-    double x, v, a;               /* [x, x/s, x/s2] */
+    double drive, drive1; /* and its derivative with respect to time [x/s2, x/s3] */
+    double x, v, a;       /* [x, x/s, x/s2] */
 } Moment;
 
-/* The first or second derivative [its unit/s, /s2] of an output of model_output() with respect to time. */
-static double model_output_derivative(const Model *model, const Moment *at, unsigned output, int order);
+/* The derivative [its unit/s] of an output of model_output() with respect to time. */
+static double model_output_derivative(const Model *model, const Moment *at, unsigned output);
 
 /* Given to the model, for a model_implicit_stage() that knows no better: Newton's method on a and its partial
  * derivatives, to the last bits where b is below model_longest_implicit_stage(). */
 static inline int64_t newton_stage(const Model *model, double b, double drive, double *x, double *v);
+
+/* Given to the model, for model_taylor_step(): the sum of a series, from its last term on. */
+static inline double total(const double terms[TAYLOR_ORDER + 1]);
+
+/* Given to the model, too: the term k of the product of two series, of which the terms up to k are known. */
+static inline double convolution(const double *first, const double *second, int k);
 
 /* Given to the model: add that `name`, a product or quotient of parameters, is out of range with its value [unit]. */
 static inline void append_out_of_range(Text *problems, const char *name, double value, const char *unit);

@@ -11,17 +11,7 @@
 #include "model.h"
 #include "scaling.h"
 
-static const Facts MODEL = {
-    .x = VR_phi,
-    .v = VR_w,
-    .a = VR_a,
-    .x_start = VR_phi_start,
-    .v_start = VR_w_start,
-    .input = VR_tau,
-    .rest = 0.0,
-    .system = "pendulum",
-    .cause = "torque",
-};
+static const double MODEL_REST = 0.0; /* [rad] */
 
 struct Model {
     double m, L, g;      /* mass [kg], length [m], gravity [m/s2] */
@@ -131,6 +121,43 @@ static double model_longest_implicit_stage(const Model *model) {
     return (half + sqrt(half * half + 1.0)) / w0 * (1.0 - 1e-9);
 }
 
+/* Terms with their powers of h, by der(sin(phi)) = w*cos(phi), der(cos(phi)) = -w*sin(phi). Unrolled, for in a loop
+ * each term would wait for the memory that the one before was just written to. */
+static inline void model_taylor_step(const Model *model, const double drive[MAX_INPUT_ORDER + 1], double h, double *phi,
+                                     double *w) {
+    double angle[TAYLOR_ORDER + 1] = {*phi};
+    double rate[TAYLOR_ORDER + 1] = {*w};
+    double sine[TAYLOR_ORDER + 1] = {sin(*phi)};
+    double cosine[TAYLOR_ORDER + 1] = {cos(*phi)};
+#pragma GCC unroll 16
+    for (int k = 0; k < TAYLOR_ORDER; k++) {
+        const double ratio = h / (k + 1);
+        double a = k <= MAX_INPUT_ORDER ? drive[k] : 0.0;
+        if (model->damping_rate != 0.0) a -= model->damping_rate * rate[k];
+        if (model->w02 != 0.0) a -= model->w02 * sine[k];
+        angle[k + 1] = ratio * rate[k];
+        rate[k + 1] = ratio * a;
+        double rate_cosine = 0.0;
+        double rate_sine = 0.0;
+#pragma GCC unroll 16
+        for (int j = 1; j < k; j++) {
+            rate_cosine += rate[j] * cosine[k - j];
+            rate_sine += rate[j] * sine[k - j];
+        }
+        /* The newest terms come last: the others are added while these are computed. */
+        if (k > 0) {
+            rate_cosine += rate[k] * cosine[0];
+            rate_sine += rate[k] * sine[0];
+        }
+        rate_cosine += rate[0] * cosine[k];
+        rate_sine += rate[0] * sine[k];
+        sine[k + 1] = ratio * rate_cosine;
+        cosine[k + 1] = -ratio * rate_sine;
+    }
+    *phi = total(angle);
+    *w = total(rate);
+}
+
 /* The potential energy is 2*m*g*L*sin(phi/2)^2: 1 - cos(phi) would lose the digits of small swings. */
 static double energy(double m, double L, double g, double phi, double w) {
     const Split mass = split(m);
@@ -186,18 +213,9 @@ static double model_partial_derivative(const Model *model, double drive, double 
     return partial_derivative_of_E(model->m, model->L, model->g, phi, w, known);
 }
 
-static double model_curvature(const Model *model, double phi, double w, double a) {
-    (void)a; /* the drag is linear */
-    return model->w02 * sin(phi) * w * w;
-}
-
 /* der(E) = J*w*push, the power of torque and drag. */
-static double model_output_derivative(const Model *model, const Moment *at, unsigned output, int order) {
+static double model_output_derivative(const Model *model, const Moment *at, unsigned output) {
     (void)output; /* E */
-    const double m = model->m;
-    const double L = model->L;
     const double push = at->drive - model->damping_rate * at->v;
-    const double push1 = at->drive1 - model->damping_rate * at->a;
-    if (order == 1) return product((const double[]){m, L, L, at->v, push}, 5);
-    return product((const double[]){m, L, L, at->a, push}, 5) + product((const double[]){m, L, L, at->v, push1}, 5);
+    return product((const double[]){model->m, model->L, model->L, at->v, push}, 5);
 }

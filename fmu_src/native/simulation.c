@@ -28,10 +28,14 @@ static void begin_input(Simulation *simulation) {
     simulation->elapsed = 0.0;
 }
 
+static bool is_calculated(unsigned reference) {
+    return VARIABLES[reference].causality == OUTPUT || VARIABLES[reference].causality == LOCAL;
+}
+
 static void reset(Simulation *simulation) {
     *simulation = (Simulation){.elapsed = 0.0};
     for (unsigned vr = 0; vr < VARIABLE_COUNT; vr++)
-        if (VARIABLES[vr].causality != OUTPUT) set_value(simulation, vr, VARIABLES[vr].start);
+        if (!is_calculated(vr)) set_value(simulation, vr, VARIABLES[vr].start);
 }
 
 /* A start value is that of the output, too, so that it is right before the first step. */
@@ -49,8 +53,7 @@ static void set_input_derivative(Simulation *simulation, unsigned reference, int
 }
 
 static bool is_computed(unsigned reference) {
-    if (VARIABLES[reference].causality != OUTPUT) return false;
-    return reference != MODEL.x && reference != MODEL.v && reference != VR_solver_nfev;
+    return VARIABLES[reference].causality == OUTPUT && reference != MODEL.x && reference != MODEL.v;
 }
 
 /* What is computed is so for itself alone: before initialization a parameter may be zero that others are divided by. */
@@ -78,33 +81,29 @@ static void describe_values(const Simulation *simulation, Text *text) {
 /* Derivatives */
 
 _Static_assert(MAX_INPUT_ORDER == 3, "moment_of() has all coefficients of the drive");
-_Static_assert(MAX_OUTPUT_ORDER == 2, "time_derivative() has all orders");
+_Static_assert(MAX_OUTPUT_ORDER == 1, "time_derivative() has all orders");
 
 static Moment moment_of(const Motion *p, double t, double x, double v) {
     return (Moment){
         .drive = drive_at(p, t),
         .drive1 = p->drive[1] + t * (2.0 * p->drive[2] + t * 3.0 * p->drive[3]),
-        .drive2 = 2.0 * p->drive[2] + t * 6.0 * p->drive[3],
         .x = x,
         .v = v,
         .a = acceleration(p, t, x, v),
     };
 }
 
-static double time_derivative(const Simulation *simulation, unsigned output, int order) {
+static double time_derivative(const Simulation *simulation, unsigned output) {
     const double x = simulation->values[MODEL.x];
     const double v = simulation->values[MODEL.v];
     const Motion p = motion_of(simulation);
     const Moment at = moment_of(&p, simulation->elapsed, x, v);
-    if (output != MODEL.x && output != MODEL.v && output != MODEL.a)
-        return model_output_derivative(&p.model, &at, output, order);
+    if (output == MODEL.x) return v;
+    if (output == MODEL.v) return at.a;
+    if (output != MODEL.a) return model_output_derivative(&p.model, &at, output);
     const double a_x = model_partial_derivative(&p.model, at.drive, x, v, MODEL.a, MODEL.x);
     const double a_v = model_partial_derivative(&p.model, at.drive, x, v, MODEL.a, MODEL.v);
-    const double a1 = at.drive1 + a_v * at.a + a_x * v;
-    const double a2 = at.drive2 + a_v * a1 + a_x * at.a + model_curvature(&p.model, x, v, at.a);
-    const double derivatives[] = {x, v, at.a, a1, a2};
-    const int first = output == MODEL.x ? 0 : output == MODEL.v ? 1 : 2;
-    return derivatives[first + order];
+    return at.drive1 + a_v * at.a + a_x * v;
 }
 
 static bool has_partial_derivative(unsigned unknown, unsigned known, bool initializing) {

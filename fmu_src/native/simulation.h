@@ -26,11 +26,14 @@ static void set_input_derivative(Simulation *simulation, unsigned reference, int
 /* The value of a variable [its unit]; not finite where it cannot be computed. */
 static double value_of(const Simulation *simulation, unsigned reference);
 
+/* Whether the FMU calculates a variable, so that it cannot be set. */
+static bool is_calculated(unsigned reference);
+
 /* Whether a variable is computed when it is asked for. */
 static bool is_computed(unsigned reference);
 
-/* The derivative of an output with respect to time [its unit/s^order]; not finite where it cannot be computed. */
-static double time_derivative(const Simulation *simulation, unsigned output, int order);
+/* The derivative of an output with respect to time [its unit/s]; not finite where it cannot be computed. */
+static double time_derivative(const Simulation *simulation, unsigned output);
 
 /* Whether there is a partial derivative of `unknown` with respect to `known`. */
 static bool has_partial_derivative(unsigned unknown, unsigned known, bool initializing);

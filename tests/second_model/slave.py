@@ -1,6 +1,4 @@
-"""The hardening spring as an FMI 2.0 co-simulation slave."""
-
-from __future__ import annotations
+"""The hardening spring as an FMI 2.0 co-simulation slave: its interface, its model and their names, joined."""
 
 from hardening_spring.interface import INTERFACE
 from hardening_spring.model import Spring
@@ -13,9 +11,7 @@ class HardeningSpring(SecondOrder):
 
     interface = INTERFACE
     model = Spring
-    names = Names(
-        x="x", v="v", a="a", energy="E", drive="F", system="spring", effort="force", damping_time="m/c"
-    )
+    names = Names("x", "v", "a", "E", "F", system="spring", effort="force", damping_time="m/c")
 
 
 SLAVE = HardeningSpring

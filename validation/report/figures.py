@@ -14,20 +14,24 @@ from .section import Section
 
 INK = "#010203"  # of axes and text; in a page it is the colour of the text around the picture
 COLOURS = (INK, "#8a8a8a", "#3c78b4", "#b8862b", "#7a4ea3", "#5f9e33", "#d0552b", "#2a9a9a")
-# A solver has its colour in all pictures; the names are parts of the labels of curves.
+# A solver has its colour in all pictures; the names are parts of the labels of curves. A rival has that of the method
+# that it is most like.
 SOLVERS = {
-    "ExplicitEuler": "#2f7fd1",
+    "ExplicitEuler": "#8a8a8a",
     "ExplicitMidPoint2": "#5f9e33",
-    "ExplicitRungeKutta4": "#d0552b",
-    "ImplicitEuler": "#9066c0",
-    "ImplicitTrapezoid": "#c49a00",
+    "ExplicitRungeKutta4": "#2f7fd1",
+    "ImplicitEuler": "#c49a00",
+    "ImplicitTrapezoid": "#9066c0",
     "TRBDF2": "#2a9a9a",
-    "SDIRK4": "#c2508a",
-    "TaylorSeries": "#5468d4",
-    "RK45": "#8a8a8a",
-    "DOP853": "#a07850",
-    "LSODA": "#6f9a8d",
-    "Radau": "#b08fb0",
+    "SDIRK4": "#d0552b",
+    "TaylorSeries": INK,
+    "RK45": "#5f9e33",
+    "DOP853": "#2f7fd1",
+    "LSODA": "#d0552b",
+    "Radau": "#c49a00",
+    "BDF": "#9066c0",
+    "odeint": INK,
+    "heyoka": "#2f7fd1",
 }
 STYLE: Any = {
     "svg.fonttype": "none",

@@ -33,7 +33,9 @@ def write(sections: Sequence[Section], folder: Path, fmu: Path, pictures: bool) 
     write_csv(folder / "checks.csv", CHECK_COLUMNS, map(check_cells, checks))
     for section in sections:
         for table in section.of(Table):
-            write_csv(folder / f"{section.name}-{slug(table.title)}.csv", table.columns, table.rows)
+            write_csv(
+                folder / f"{section.name}-{slug(table.title)}.csv", table.columns, table.rows, table.head
+            )
     page = folder / "index.html"
     partial = page.with_suffix(".partial")
     partial.write_text(render(sections, fmu, pictures), "utf-8")
@@ -87,9 +89,15 @@ def slug(title: str) -> str:
     return re.sub(r"[^a-z0-9.]+", "-", title.lower()).strip("-.")
 
 
-def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV file with a header; numbers keep all their digits."""
+def write_csv(
+    path: Path,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    head: Sequence[tuple[str, str]] = (),
+) -> None:
+    """Write a CSV file with a header, after lines "# name: value" if there is a head; numbers keep all their digits."""
     with path.open("w", newline="", encoding="utf-8") as file:
+        file.writelines(f"# {name}: {value}\n" for name, value in head)
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows(rows)

@@ -30,12 +30,11 @@ def show(section: Section, to: Console) -> None:
     if section.checks:
         to.print(_table(CHECK_COLUMNS[:-1], (check_cells(check)[:-1] for check in section.checks)))
     for result in section.results:
-        if isinstance(result, Table):
-            if len(result.rows) > LONG:
-                to.print(f"\n{result.title}: {len(result.rows)} rows in the report", markup=False)
-            else:
-                to.print("\n" + result.title, markup=False)
-                to.print(_table(result.columns, (tuple(map(cell, row)) for row in result.rows)))
+        if isinstance(result, Table) and (len(result.rows) > LONG or not result.shown):
+            to.print(f"\n{result.title}: {len(result.rows)} rows in the report", markup=False)
+        elif isinstance(result, Table):
+            to.print("\n" + result.title, markup=False)
+            to.print(_table(result.columns, (tuple(map(cell, row)) for row in result.rows)))
         elif isinstance(result, Note):
             to.print("\n" + result.text, markup=False)
 

@@ -8,17 +8,7 @@
 
 #include "model.h"
 
-static const Facts MODEL = {
-    .x = VR_x,
-    .v = VR_v,
-    .a = VR_a,
-    .x_start = VR_x_start,
-    .v_start = VR_v_start,
-    .input = VR_F,
-    .rest = 0.0,
-    .system = "spring",
-    .cause = "force",
-};
+static const double MODEL_REST = 0.0; /* [m] */
 
 struct Model {
     double m, k, k3;                     /* mass [kg], stiffness [N/m], hardening [N/m3] */
@@ -31,14 +21,7 @@ static bool model_exists(const double values[VARIABLE_COUNT]) {
 
 static inline Model model_of(const double values[VARIABLE_COUNT]) {
     const double m = values[VR_m];
-    return (Model){
-        .m = m,
-        .k = values[VR_k],
-        .k3 = values[VR_k3],
-        .damping_rate = values[VR_c] / m,
-        .w02 = values[VR_k] / m,
-        .hardening = values[VR_k3] / m,
-    };
+    return (Model){m, values[VR_k], values[VR_k3], values[VR_c] / m, values[VR_k] / m, values[VR_k3] / m};
 }
 
 static void model_check(const double values[VARIABLE_COUNT], Text *problems) {
@@ -70,6 +53,25 @@ static double model_longest_implicit_stage(const Model *model) {
     return INFINITY;
 }
 
+/* x^3 is the product of the series of x^2 and x. */
+static inline void model_taylor_step(const Model *model, const double drive[MAX_INPUT_ORDER + 1], double h, double *x,
+                                     double *v) {
+    double positions[TAYLOR_ORDER + 1] = {*x};
+    double rates[TAYLOR_ORDER + 1] = {*v};
+    double squares[TAYLOR_ORDER + 1];
+    for (int k = 0; k < TAYLOR_ORDER; k++) {
+        squares[k] = convolution(positions, positions, k);
+        const double cube = convolution(squares, positions, k);
+        const double held = k <= MAX_INPUT_ORDER ? drive[k] : 0.0;
+        const double a = held - model->damping_rate * rates[k] - model->w02 * positions[k] - model->hardening * cube;
+        const double ratio = h / (k + 1);
+        positions[k + 1] = ratio * rates[k];
+        rates[k + 1] = ratio * a;
+    }
+    *x = total(positions);
+    *v = total(rates);
+}
+
 /* E, the energy [J], is the only one. */
 static double model_output(const double values[VARIABLE_COUNT], unsigned output) {
     (void)output;
@@ -78,41 +80,25 @@ static double model_output(const double values[VARIABLE_COUNT], unsigned output)
     return kinetic + (0.5 * values[VR_k] * square + 0.25 * values[VR_k3] * square * square);
 }
 
-static double partial_derivative_of_a(const Model *model, double drive, double x, double v, unsigned known) {
-    switch (known) {
-    case VR_x: return -model->w02 - 3.0 * model->hardening * x * x;
-    case VR_v: return -model->damping_rate;
-    case VR_F: return 1.0 / model->m;
-    case VR_m: return -model_acceleration(model, drive, x, v) / model->m;
-    case VR_c: return -v / model->m;
-    case VR_k: return -x / model->m;
-    case VR_k3: return -(x * x * x) / model->m;
-    default: return 0.0;
-    }
-}
-
 static double model_partial_derivative(const Model *model, double drive, double x, double v, unsigned output,
                                        unsigned known) {
-    if (output == VR_a) return partial_derivative_of_a(model, drive, x, v, known);
+    const bool of_a = output == VR_a; /* or of E */
+    const double square = x * x;
+    const double cube = square * x;
     switch (known) {
-    case VR_x: return model->k * x + model->k3 * (x * x * x);
-    case VR_v: return model->m * v;
-    case VR_m: return 0.5 * (v * v);
-    case VR_k: return 0.5 * (x * x);
-    case VR_k3: return 0.25 * (x * x) * (x * x);
+    case VR_x: return of_a ? -model->w02 - 3.0 * model->hardening * square : model->k * x + model->k3 * cube;
+    case VR_v: return of_a ? -model->damping_rate : model->m * v;
+    case VR_F: return of_a ? 1.0 / model->m : 0.0;
+    case VR_m: return of_a ? -model_acceleration(model, drive, x, v) / model->m : 0.5 * (v * v);
+    case VR_c: return of_a ? -v / model->m : 0.0;
+    case VR_k: return of_a ? -x / model->m : 0.5 * square;
+    case VR_k3: return of_a ? -cube / model->m : 0.25 * square * square;
     default: return 0.0;
     }
-}
-
-static double model_curvature(const Model *model, double x, double v, double a) {
-    (void)a; /* the drag is linear */
-    return -6.0 * model->hardening * x * v * v;
 }
 
 /* der(E) is the power of force and drag. */
-static double model_output_derivative(const Model *model, const Moment *at, unsigned output, int order) {
+static double model_output_derivative(const Model *model, const Moment *at, unsigned output) {
     (void)output; /* E */
-    const double push = at->drive - model->damping_rate * at->v;
-    const double push1 = at->drive1 - model->damping_rate * at->a;
-    return model->m * (order == 1 ? at->v * push : at->a * push + at->v * push1);
+    return model->m * at->v * (at->drive - model->damping_rate * at->v);
 }

@@ -1,4 +1,4 @@
-"""Acceleration and energy are those of the formulas in many digits, which share nothing with the sources."""
+"""Acceleration and energy of the pendulum are those of the formulas in many digits, not from the sources."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ImplicitEuler through the FMI against its equation in many digits: roots, lengths of substeps, evaluations."""
+"""ImplicitEuler of the pendulum against its equation in many digits: roots, lengths of substeps, evaluations."""
 
 from __future__ import annotations
 
@@ -107,24 +107,6 @@ def test_gravity_too_weak_for_a_double_is_one_evaluation_too(fmu: Fmu) -> None:
     ) as instance:  # s = h^2*w02 is 0 in doubles
         assert instance.step(0.0, 2.5e-170) == OK
         assert instance.get("solver.nfev") == (3,)
-
-
-@pytest.mark.parametrize(
-    ("method", "stages"),
-    [
-        (SolverMethod.ExplicitEuler, 1),
-        (SolverMethod.ExplicitMidPoint2, 2),
-        (SolverMethod.ExplicitRungeKutta4, 4),
-    ],
-)
-@pytest.mark.parametrize("g", [0.0, 9.81])
-def test_an_explicit_method_evaluates_once_a_stage(
-    fmu: Fmu, method: SolverMethod, stages: int, g: float
-) -> None:
-    with fmu.running({"g": g, "solver.method": method, "solver.stepSize": 0.01}) as instance:
-        for k in range(3):
-            assert instance.step(0.07 * k, 0.07) == OK
-            assert instance.get("solver.nfev") == ((k + 1) * 7 * stages,)
 
 
 def newton_evaluations(s: mpf, c: mpf) -> int | None:
