@@ -15,7 +15,7 @@ from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
 from .report import figures, page, screen
 from .report.section import Section, summary
 
-LEADING = ("work_precision", "stability")  # studies with a picture at the top of the report
+LEADING = ("work_precision",)  # studies with a picture at the top of the report
 
 
 class Parser(argparse.ArgumentParser):

@@ -22,6 +22,7 @@ from .metrics import Array
 
 DEFAULTS = {"m": 1.0, "L": 1.0, "gamma": 0.002, "g": G, "solver.stepSize": 1e-3}
 OUTPUTS = ("phi", "w", "a", "E")
+ROWS = "(rows about the FMU)"  # beside the names of faults
 UNTOUCHED = ("work_precision",)  # studies of run times, which no such fault changes
 
 
@@ -180,7 +181,7 @@ class Noticed:
         self.found[self.study.name] = Counter(
             {fault.name: sum(len(injected.broken[fault.name]) for injected in done) for fault in FAULTS}
         )
-        self.found[self.study.name]["rows"] = sum(len(injected.rows) for injected in done)
+        self.found[self.study.name][ROWS] = sum(len(injected.rows) for injected in done)
         unbroken = [row for injected in done for row in injected.unbroken]
         moved = [row for injected in done for row in injected.moved]
         for what, rows in (
@@ -225,14 +226,17 @@ class Overview:
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield the table of faults and studies."""
-        names = list(self.found)
-        total = sum(self.found.values(), Counter())
-        rows = [(what, *(self.found[name][what] for name in names), total[what]) for what in ["rows", *total]]
         del fmu
+        names = list(self.found)
+        rows = [
+            (what, *counts, sum(counts))
+            for what in (ROWS, *(fault.name for fault in FAULTS))
+            for counts in [[self.found[name][what] for name in names]]
+        ]
         yield Table(
             "How many rows about the FMU each fault breaks",
             ("fault", *names, "all"),
-            [("(rows about the FMU)", *rows[0][1:]), *(row for row in rows[1:] if row[0] != "rows")],
+            rows,
             "Each fault changes what the FMU gets or gives, and nothing else. A row that stands for the FMU has to "
             "break by one of them.",
         )

@@ -101,8 +101,11 @@ def _draw(plot: Plot, kind: str, style: dict[str, Any], metadata: dict[str, Any]
         upper, lower = axes[0, 0], axes[-1, 0]
         if plot.shade is not None:
             x, y, values = plot.shade
+            shaded = np.ma.masked_equal(
+                np.asarray(values, dtype=float), 0.0
+            )  # the rest stays the colour of the page
             upper.pcolormesh(
-                x, y, values, cmap="Greys", vmin=0.0, vmax=2.0, shading="nearest", rasterized=True
+                x, y, shaded, cmap="Greys", vmin=0.0, vmax=2.0, shading="nearest", rasterized=True
             )
         _curves(upper, plot.curves, plot.logarithmic)
         upper.set(title=plot.title, ylabel=plot.y_label)

@@ -8,6 +8,7 @@ import os
 import platform
 import re
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -103,10 +104,21 @@ def write_csv(
 
 
 def provenance(fmu: Path) -> str:
-    """Return what was measured where: FMU digest, machine, versions."""
+    """Return what was measured where and when: FMU digest, day, machine, versions."""
     digest = hashlib.sha256(fmu.read_bytes()).hexdigest()
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    day = datetime.now(UTC).date().isoformat()
     return (
-        f"{fmu.name}, SHA-256 {digest}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
-        f"Python {platform.python_version()}, {versions}"
+        f"{fmu.name}, SHA-256 {digest}; {day}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+        f"{_processor()}; Python {platform.python_version()}, {versions}"
     )
+
+
+def _processor() -> str:
+    """Return the model of the processor where the system tells it."""
+    try:
+        text = Path("/proc/cpuinfo").read_text("utf-8")
+    except OSError:
+        return ""
+    model = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
+    return f" ({model[1]})" if model else ""
