@@ -44,6 +44,9 @@ DEFAULT_OUTPUT = ROOT / "dist" / f"{INTERFACE.model_name}.fmu"
 NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
 DOCUMENTATION = SOURCES / "documentation"
+REFERENCE_RESULTS = (
+    SOURCES / "reference_results"
+)  # laid out as in the FMU; made by validation/reference_results.py
 ICON = DOCUMENTATION / "model.png"
 PURPOSE = f"Build dist/{DEFAULT_OUTPUT.name}, or dist/{NATIVE_OUTPUT.name}: the same sources, the same bytes."
 SCRIPT = """\
@@ -80,7 +83,7 @@ def build(output: Path = DEFAULT_OUTPUT, sources: Path = SOURCES) -> Path:
                 canGetAndSetFMUstate=True,
                 canSerializeFMUstate=True,
             )
-        entries = read_entries(packed) | {"model.png": ICON.read_bytes()}
+        entries = read_entries(packed) | {"model.png": ICON.read_bytes()} | files_below(REFERENCE_RESULTS)
     derive_guid(entries)
     return write_fmu(output, entries)
 
@@ -98,14 +101,19 @@ def build_native(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_documentation(folder / "documentation", "native")
-        files = [path for path in folder.rglob("*") if path.is_file()]
-        entries = {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+        entries = files_below(folder) | files_below(REFERENCE_RESULTS)
     entries |= {"model.png": ICON.read_bytes(), DESCRIPTION: native_description()} | in_sources(
         native.sources(guid="")
     )
     guid = derive_guid(entries)
     entries |= in_sources(native.sources(guid)) | binaries(guid)
     return write_fmu(output, entries)
+
+
+def files_below(folder: Path) -> dict[str, bytes]:
+    """Return the files in and below `folder`, of which there may be none, by their names relative to it."""
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def in_sources(files: dict[str, bytes]) -> dict[str, bytes]:
