@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import sys
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,8 +16,10 @@ import numpy as np
 import pytest
 from fmpy.util import read_csv
 
+import build_fmu
 from methods.solvers import SolverMethod
 from tests.driver import Fmu
+from tests.toolchain import output_of
 
 pytestmark = pytest.mark.parametrize("carrier", ["pythonfmu", "native"], indirect=True, scope="session")
 
@@ -111,3 +115,11 @@ def test_fmpy_meets_the_bounds_with_what_is_in_the_fmu(
             np.testing.assert_allclose(
                 found[name], exact[name], rtol=0, atol=bound, err_msg=experiment["name"]
             )
+
+
+def test_the_example_of_readme_holds(fmu: Fmu, tmp_path: Path) -> None:
+    text = (build_fmu.ROOT / "README.md").read_text("utf-8").partition("## Expected numbers")[2]
+    program = text.partition("```python\n")[2].partition("```")[0]
+    (tmp_path / "dist").mkdir()
+    shutil.copy(fmu.path, tmp_path / "dist" / "DampedPendulum.fmu")
+    output_of([sys.executable, "-c", program], cwd=tmp_path)

@@ -253,7 +253,7 @@ def experiments() -> str:
         {
             "name": result.name,
             "title": result.title,
-            "start_values": {name: float(value) for name, value in result.start.items()},
+            "start_values": dict(result.start),
             "stop_time": STOP,
             "communication_step": 1 / result.steps_per_second,
             "input": f"{result.name}_in.csv" if result.torques else None,
