@@ -259,9 +259,15 @@ def test_a_source_distribution_contains_all_that_is_needed(sdist: Path) -> None:
         "validation/loop.c",
         "validation/error_against_run_time.png",
         "tests/native_host.c",
+        "tests/conduct.json",
+        "fmu_src/reference_results/extra/org.fmi-standard.fmi-ls-ref/driven_in.csv",
     } <= files(sdist)
     assert not [name for name in files(sdist) if "__pycache__" in name]
     assert (sdist / ".ci" / "run").stat().st_mode & 0o100
+
+
+def test_a_package_index_refuses_the_distribution(sdist: Path) -> None:
+    assert "Classifier: Private :: Do Not Upload" in (sdist / "PKG-INFO").read_text("utf-8").splitlines()
 
 
 def test_a_source_distribution_builds_the_same_fmu(sdist: Path, fmu_path: Path, tmp_path: Path) -> None:
