@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from mpmath import mpf
 
-from methods.solvers import SolverMethod
+from methods.solvers import METHODS, SolverMethod
 from tests.driver import OK, WARNING, Fmu, is_error
 from tests.plants import PENDULUM
 from tests.test_pendulum_outputs import ENERGY_BOUND, exact_energy
@@ -35,6 +35,15 @@ def test_the_shortest_rod_is_refused_for_its_inertia_and_not_for_its_range(fmu: 
         assert "allowed" not in instance.errors[0]
     with fmu.instance() as instance:
         assert instance.initialize({"L": 1e-150, "m": 1e10}) <= WARNING, instance.errors
+
+
+@pytest.mark.parametrize("method", [m for m in SolverMethod if not METHODS[m].tableau], ids=lambda m: m.name)
+def test_a_run_that_diverges_ends_there_and_not_after_all_its_substeps(
+    fmu: Fmu, method: SolverMethod
+) -> None:
+    start = {"gamma": 1e9, "solver.method": method, "solver.stepSize": 1e-6}
+    with fmu.running(start) as instance:
+        assert is_error(instance.step(0.0, 2000.0))  # two thousand million substeps would take hours
 
 
 def test_the_longest_substep_of_the_implicit_method_counts(fmu: Fmu) -> None:

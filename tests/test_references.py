@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from validation import references
+from validation.references import taylor as series
 
 EPS = 2.2e-16
 W02 = 9.80665
@@ -148,6 +149,15 @@ def taylor(phi0, rate0, w02, stop, k2=0):
         phi = mp.fdot(p, powers)
         w = mp.fdot((i * p[i] for i in range(1, len(p))), powers)
     return phi, w
+
+
+def test_taylor_series_keeps_its_digits_at_large_angles():
+    """Whole turns change nothing but the angle."""
+    times = [0.0, 0.5]
+    near, far = (series.motion(times, 0.5 + turns * 2 * pi, 3.0, 0.1, 9.80665) for turns in (0, 40))
+    assert far[1][-1] == pytest.approx(
+        near[1][-1], rel=0, abs=1e-12
+    )  # 80*pi is rounded to 3e-14, times w02*t
 
 
 def test_taylor_series_has_the_digits_of_40_digit_arithmetic():

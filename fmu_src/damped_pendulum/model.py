@@ -253,7 +253,8 @@ def solve_kepler(s: float, c: float) -> tuple[float, int]:
         new = x - correction
         evaluations += 1
         # The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of a unit in the last place.
-        if size * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
+        # "Not larger", so that NaN ends it, too.
+        if not size * correction * correction > _QUARTER_ULP * slope * abs(new) or new == x:
             return new, evaluations
         x = new
 

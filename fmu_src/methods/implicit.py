@@ -45,7 +45,7 @@ def diagonally_implicit(tableau: Tableau) -> Solver:
 
     Its stages are written out: a loop over the tableau would cost a third of the substep.
     """
-    names: dict[str, Any] = {"repeat": repeat}
+    names: dict[str, Any] = {"repeat": repeat, "isfinite": isfinite}
     exec(_source(tableau), names)
     solver: Solver = names["solver"]
     return solver
@@ -72,11 +72,12 @@ def _source(tableau: Tableau) -> str:
         if i < last:
             substep.append(f"kick{i} = v{i} - V")
     substep += [f"kick0 = v{last} - V"] if is_explicit else []
+    substep += [f"phi, w = x, v{last}", "if not isfinite(phi): break"]
     lines = [
         "def solver(motion, phi, w, h, n):",
         *(f"    {line}" for line in head),
         "    for _ in repeat(None, n):",
-        *(f"        {line}" for line in [*substep, f"phi, w = x, v{last}"]),
+        *(f"        {line}" for line in substep),
         "    return phi, w, nfev",
     ]
     return "\n".join(lines)

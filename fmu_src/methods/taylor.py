@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import repeat
+from math import isfinite
 
 from .motion import Motion
 
@@ -22,6 +23,8 @@ def taylor_series(motion: Motion, phi: float, w: float, h: float, n: int) -> tup
     step = motion.taylor_step(h, ORDER)
     for _ in repeat(None, n):
         phi, w = step(phi, w)
+        if not isfinite(phi):
+            break
     return phi, w, ORDER * n
 
 

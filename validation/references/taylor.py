@@ -69,16 +69,18 @@ def _series(
 
 def _sine_cosine(x: Decimal) -> tuple[Decimal, Decimal]:
     sine, cosine, term, n = x, Decimal(1), x, 1
-    while abs(term) > TOLERANCE * TOLERANCE:
-        term *= x / (n + 1)
-        sign = -1 if (n + 1) % 4 in (2, 3) else 1
-        if (n + 1) % 2:
-            sine += sign * term
-        else:
-            cosine += sign * term
-        n += 1
-        if n > 10_000:
-            raise ValueError(f"angle {x} is too large for the series")
+    with localcontext() as context:
+        context.prec += int(abs(x))  # terms of up to exp(|x|) cancel
+        while abs(term) > TOLERANCE * TOLERANCE:
+            term *= x / (n + 1)
+            sign = -1 if (n + 1) % 4 in (2, 3) else 1
+            if (n + 1) % 2:
+                sine += sign * term
+            else:
+                cosine += sign * term
+            n += 1
+            if n > 10_000:
+                raise ValueError(f"angle {x} is too large for the series")
     return sine, cosine
 
 
