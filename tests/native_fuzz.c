@@ -3,7 +3,7 @@
  *     native_fuzz SEED CALLS
  *
  * Made to run under AddressSanitizer and UndefinedBehaviorSanitizer. Beyond what those find it checks that no call is
- * fatal, that phi and w stay finite between steps, and that an error changes nothing that can be seen. Prints how often
+ * fatal, that x and v stay finite between steps, and that an error changes nothing that can be seen. Prints how often
  * each status came back. */
 
 #include <float.h>
@@ -17,6 +17,10 @@
 #include "interface.h"
 
 enum { INSTANCES = 4, STATES = 4, MOST = 8, BYTES = 4096 };
+
+enum { METHOD_COUNT = sizeof METHODS / sizeof *METHODS - 1 }; /* they count from 1 */
+
+static fmi2ValueReference input, x; /* of the input and of the first output, which the other three Reals follow */
 
 static uint64_t seed;
 static fmi2Component instances[INSTANCES];
@@ -110,7 +114,7 @@ typedef struct {
 } View;
 
 static View look(fmi2Component c) {
-    static const fmi2ValueReference reals[] = {VR_phi, VR_w, VR_m, VR_tau};
+    const fmi2ValueReference reals[] = {x, x + 1, 0, input};
     static const fmi2ValueReference integers[] = {VR_solver_nfev, VR_solver_method};
     View view;
     memset(&view, 0, sizeof view);
@@ -147,18 +151,18 @@ static fmi2Status call(fmi2Component c, unsigned function) {
     fmi2String categories[MOST];
     for (int i = 0; i < MOST; i++) {
         vr[i] = below(16) ? below(VARIABLE_COUNT + 1) : (fmi2ValueReference)random_bits();
-        known[i] = below(4) ? VR_tau + below(3) : below(VARIABLE_COUNT + 2);
+        known[i] = below(4) ? input + below(3) : below(VARIABLE_COUNT + 2);
         reals[i] = random_real();
         more[i] = 0.0;
         integers[i] = random_integer();
         categories[i] = below(20) ? known_categories[below(3)] : below(2) ? "%s#" : NULL;
         orders[i] = below(4) ? 1 + (fmi2Integer)below(3) : random_integer();
     }
-    if (below(2)) vr[0] = known[0] = VR_tau;
+    if (below(2)) vr[0] = known[0] = input;
     if (below(2)) {
         for (int i = 0; i < MOST; i++) {
-            vr[i] = VR_phi + below(4);
-            if (below(2)) known[i] = below(VR_tau + 1);
+            vr[i] = x + below(4);
+            if (below(2)) known[i] = below(input + 1);
         }
     }
     const size_t n = below(3) ? 1 : random_count();
@@ -226,7 +230,7 @@ static fmi2Status call(fmi2Component c, unsigned function) {
 static void start(fmi2Component c) {
     const fmi2ValueReference step_size = VR_solver_stepSize, method = VR_solver_method;
     const double h = 1e-3;
-    const fmi2Integer number = 1 + (fmi2Integer)below(4);
+    const fmi2Integer number = 1 + (fmi2Integer)below(METHOD_COUNT);
     fmi2Reset(c);
     fmi2SetReal(c, &step_size, 1, &h);
     fmi2SetInteger(c, &method, 1, &number);
@@ -238,6 +242,10 @@ int main(int argc, char *argv[]) {
     if (argc != 3) return 1;
     seed = strtoull(argv[1], NULL, 10);
     const long calls = strtol(argv[2], NULL, 10);
+    while (VARIABLES[input].causality != INPUT)
+        input++;
+    while (VARIABLES[x].causality != OUTPUT)
+        x++;
     for (long i = 0; i < calls; i++) {
         const unsigned which = below(INSTANCES);
         if (instances[which] == NULL || below(200) == 0) instantiate(&instances[which]);

@@ -1,9 +1,10 @@
 /* Makes calls that are refused, and some that are not, in a host of a certain condition; prints what was logged.
  *
- *     native_strange_host plain | stack | traps | upward | downward | towardzero | locale
+ *     native_strange_host MASS DRAG A plain | stack | traps | upward | downward | towardzero | locale
  *
- * stack: in a thread with a stack of 32 KiB; traps: floating-point exceptions are signals; upward, ...: the rounding
- * mode; locale: that of the environment. Exit status 1 if a call returns what it should not. */
+ * MASS, DRAG, A: the names of the parameters and the output of A = -DRAG/MASS*v + ... Conditions: stack: in a thread
+ * with a stack of 32 KiB; traps: floating-point exceptions are signals; upward, ...: the rounding mode; locale: that of
+ * the environment. Exit status 1 if a call returns what it should not. */
 
 #define _GNU_SOURCE
 #include <fenv.h>
@@ -18,6 +19,7 @@
 #include "interface.h"
 
 static char logged[1 << 16];
+static fmi2ValueReference mass, drag, a;
 
 /* Without printf, which may need more stack than the FMU. */
 static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
@@ -36,6 +38,13 @@ static void expect(int right, const char *what) {
     exit(1);
 }
 
+static fmi2ValueReference reference_of(const char *name) {
+    fmi2ValueReference vr = 0;
+    while (strcmp(VARIABLES[vr].name, name) != 0)
+        expect(++vr < VARIABLE_COUNT, "no such variable");
+    return vr;
+}
+
 static fmi2Component new_instance(const char *name) {
     fmi2Component c = fmi2Instantiate(name, fmi2CoSimulation, MODEL_GUID, "", &CALLBACKS, fmi2False, fmi2True);
     expect(c != NULL, "no instance");
@@ -52,6 +61,12 @@ static double get(fmi2Component c, fmi2ValueReference vr) {
     return value;
 }
 
+/* Read all Reals, but for one. */
+static void get_all_but(fmi2Component c, fmi2ValueReference left_out) {
+    for (unsigned vr = 0; vr < VARIABLE_COUNT; vr++)
+        if (VARIABLES[vr].type == REAL && vr != left_out) get(c, vr);
+}
+
 static void start(fmi2Component c, fmi2Status expected) {
     expect(fmi2EnterInitializationMode(c) == fmi2OK, "enter");
     expect(fmi2ExitInitializationMode(c) == expected, "exit");
@@ -62,12 +77,10 @@ static void read_early(void) {
     static const double masses[] = {0.0, 5e-324};
     for (int i = 0; i < 2; i++) {
         fmi2Component c = new_instance("early");
-        set(c, VR_m, masses[i]);
-        set(c, VR_gamma, 0.0);
-        for (unsigned vr = 0; vr < VARIABLE_COUNT; vr++)
-            if (VARIABLES[vr].type == REAL && vr != VR_a) get(c, vr);
+        set(c, mass, masses[i]);
+        set(c, drag, 0.0);
+        get_all_but(c, a);
         if (masses[i] == 0.0) {
-            const fmi2ValueReference a = VR_a;
             double value;
             expect(fmi2GetReal(c, &a, 1, &value) == fmi2Error, "a of no mass");
         }
@@ -82,22 +95,20 @@ static void refuse(void) {
     const fmi2Integer wrong = -7;
     memset(name, 'n', sizeof name - 1);
     fmi2Component c = new_instance(name);
-    set(c, VR_m, -0.1);
-    set(c, VR_L, -1.0 / 3.0);
-    set(c, VR_gamma, -1e-300);
+    set(c, mass, -1.0 / 3.0);
+    set(c, drag, -1e-300);
     set(c, VR_solver_stepSize, -5e-324);
     expect(fmi2SetInteger(c, &method, 1, &wrong) == fmi2OK, "method");
     start(c, fmi2Error);
     fmi2FreeInstance(c);
 
     c = new_instance("steps");
-    set(c, VR_gamma, 0.1);
+    set(c, drag, 0.1);
     set(c, VR_solver_stepSize, 1.1);
     expect(fmi2SetupExperiment(c, fmi2False, 0.0, 0.0, fmi2True, 2.1) == fmi2OK, "setup");
     start(c, fmi2Warning);
     expect(fmi2DoStep(c, 0.0, 0.1, fmi2True) == fmi2OK, "step");
-    get(c, VR_a);
-    get(c, VR_E);
+    get_all_but(c, VARIABLE_COUNT);
     expect(fmi2DoStep(c, 0.1, 2.3, fmi2True) == fmi2Error, "step beyond the end");
     expect(fmi2DoStep(c, 0.1, -0.7, fmi2True) == fmi2Error, "step back");
     static char bytes[4096];
@@ -118,7 +129,7 @@ static void diverge(void) {
     static const fmi2ValueReference method = VR_solver_method;
     const fmi2Integer euler = ExplicitEuler;
     fmi2Component c = new_instance("divergence");
-    set(c, VR_gamma, 1e6);
+    set(c, drag, 1e6);
     set(c, VR_solver_stepSize, 0.01);
     expect(fmi2SetInteger(c, &method, 1, &euler) == fmi2OK, "method");
     start(c, fmi2Warning);
@@ -148,7 +159,11 @@ int main(int argc, char *argv[]) {
         int mode;
     } roundings[] = {{"upward", FE_UPWARD}, {"downward", FE_DOWNWARD}, {"towardzero", FE_TOWARDZERO}};
 
-    const char *condition = argc == 2 ? argv[1] : "";
+    if (argc != 5) return 1;
+    mass = reference_of(argv[1]);
+    drag = reference_of(argv[2]);
+    a = reference_of(argv[3]);
+    const char *condition = argv[4];
     if (strcmp(condition, "plain") == 0) {
         all(NULL);
     } else if (strcmp(condition, "stack") == 0) {

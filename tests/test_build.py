@@ -67,7 +67,7 @@ def test_other_sources_give_other_module_names_and_another_guid(fmu_path: Path, 
     other = build_fmu.build(tmp_path / "other.fmu", sources)
     names, other_names = (set(build_fmu.read_entries(path)) for path in (fmu_path, other))
     modules = {name for name in names if "damped_pendulum" in name}
-    assert len(modules) == 21
+    assert {"model.py", "solvers.py", "shell.py", "slave.py"} <= {Path(name).name for name in modules}
     assert not modules & other_names
     guids = [
         build_fmu.read_entries(path)["modelDescription.xml"].split(b'guid="')[1][:36]

@@ -4,14 +4,15 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
+from shutil import unpack_archive
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 
 from native import build as native
+from tests.plants import PENDULUM, PLANTS, SPRING, Plant
 from tests.toolchain import COMPILER, COMPILERS, HERE, need, needs_compiler, on_linux, output_of, symbols
 
 CALLS = 5_000_000 if os.environ.get("CI") else 2_000_000  # of a seed of the random calls
@@ -93,35 +94,47 @@ def test_an_instance_that_there_is_no_memory_for_is_reported(folder: Path, tmp_p
     assert output_of([program]) == "poor 3 logStatusError there is no memory for an instance\n"
 
 
-@pytest.fixture(scope="session")
-def strange_host(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str, str], Path]:
-    """Return a function that compiles the strange host with a compiler and a level of optimization."""
-    built: dict[tuple[str, str], Path] = {}
+on_both_models = pytest.mark.parametrize("model", PLANTS, indirect=True, scope="session")
 
-    def compiled(compiler: str, level: str) -> Path:
+
+@pytest.fixture(scope="session")
+def sources(model: str, builds: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the C files of a model."""
+    folder = tmp_path_factory.mktemp("sources")
+    unpack_archive(builds.path(model, "native"), folder, "zip")
+    return folder / "sources"
+
+
+@pytest.fixture(scope="session")
+def strange_host(sources: Path, plant: Plant, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Return a function that compiles the strange host with a compiler and a level of optimization."""
+    built: dict[tuple[str, str], list[str]] = {}
+
+    def compiled(compiler: str, level: str) -> list[str]:
         if not sys.platform.startswith("linux"):
             pytest.skip("Linux only")
         need(compiler)
         if (compiler, level) not in built:
-            program, sources = tmp_path_factory.mktemp("host") / "host", folder / "sources"
+            program = tmp_path_factory.mktemp("host") / "host"
             flags = [flag for flag in native.FLAGS if not flag.startswith("-O")]
             command = [compiler, *flags, level, "-pthread", f"-I{native.FMI_HEADERS}", f"-I{sources}"]
             command += [HERE / "native_strange_host.c", *(sources / name for name in native.SOURCES)]
             output_of([*command, "-lm", "-o", program])
-            built[compiler, level] = program
+            built[compiler, level] = [str(program), plant.mass, plant.drag, plant.a]
         return built[compiler, level]
 
     return compiled
 
 
-def messages_in(program: Path, condition: str, **environment: str) -> list[str]:
+def messages_in(program: list[str], condition: str, **environment: str) -> list[str]:
     """Return what is logged in a host of a condition."""
-    return output_of([program, condition], env=os.environ | environment).splitlines()
+    return output_of([*program, condition], env=os.environ | environment).splitlines()
 
 
 BUILDS = [(compiler, level) for compiler in COMPILERS for level in ("-O0", "-O3")]
 
 
+@on_both_models
 @pytest.mark.parametrize(("compiler", "level"), BUILDS)
 def test_a_thread_with_a_stack_of_32_kib_can_do_all(strange_host: Any, compiler: str, level: str) -> None:
     program = strange_host(compiler, level)
@@ -130,6 +143,7 @@ def test_a_thread_with_a_stack_of_32_kib_can_do_all(strange_host: Any, compiler:
     assert messages_in(program, "stack") == messages
 
 
+@on_both_models
 @pytest.mark.parametrize(("compiler", "level"), BUILDS)
 def test_only_what_overflows_raises_floating_point_exceptions(
     strange_host: Any, compiler: str, level: str
@@ -157,15 +171,22 @@ def test_numbers_in_messages_do_not_follow_the_locale_of_the_host(strange_host: 
 
 @on_linux
 @pytest.mark.slow
-@pytest.mark.parametrize("compiler", COMPILERS)
-def test_random_calls_find_no_fault_under_the_sanitizers(folder: Path, tmp_path: Path, compiler: str) -> None:
+@pytest.mark.parametrize(
+    ("compiler", "model"),
+    # What a compiler makes of the shell is seen with one model.
+    [*((compiler, PENDULUM.name) for compiler in COMPILERS), (COMPILERS[0], SPRING.name)],
+    indirect=["model"],
+)
+def test_random_calls_find_no_fault_under_the_sanitizers(
+    sources: Path, tmp_path: Path, compiler: str
+) -> None:
     need(compiler)
     program = tmp_path / "fuzz"
     options = ["-std=c11", "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-pedantic", f"-I{native.FMI_HEADERS}"]
     sanitizers = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
     files = [HERE / "native_fuzz.c", *native.SOURCES]
     command = [compiler, *options, *sanitizers, "-I.", *files, "-o", program, "-lm"]
-    output_of(command, cwd=folder / "sources")
+    output_of(command, cwd=sources)
     environment = os.environ | {"ASAN_OPTIONS": "detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"}
     for seed in (1, 2):
         printed = output_of([program, str(seed), str(CALLS)], env=environment)

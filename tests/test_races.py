@@ -7,15 +7,20 @@ from fractions import Fraction
 from itertools import cycle
 from math import comb, isnan, nan
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-from validation import races, studies, work_precision
+from validation import loops, races, studies
 from validation.__main__ import main
-from validation.checks import Check, Note, Result
-from validation.fmu import Fmu
+from validation.checks import Check, Note, Result, Table
+from validation.fmu import Fmu, SolverMethod
+from validation.race import contest, judging
+from validation.race.judging import GROUPS, OURS
+from validation.race.scenes import EXTREME
+from validation.report import page
+from validation.report.section import Section
+from validation.studies import work_precision
 
 ROOT = Path(__file__).resolve().parent.parent
 TESTS = sorted([*(ROOT / "tests").glob("*.py"), *(ROOT / "validation").glob("test_*.py")])
@@ -152,21 +157,29 @@ def test_a_race_that_could_not_be_run_says_so_and_does_not_hold() -> None:
 
 @dataclass(frozen=True)
 class FakeScene:
+    low: float
     name: str = "a race"
     slow: bool = False
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        yield races.at_least("time: the race", races.Ratio(3.0, self.low, 4.0, 21), 2.0, "because")
 
 
 @pytest.mark.parametrize(("low", "status"), [(2.1, 0), (1.9, 1), (nan, 1)])
 def test_the_command_fails_with_a_race(
     fmu_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, low: float, status: int
 ) -> None:
-    def run(fmu: Fmu, scene: Any) -> Iterator[Result]:
-        yield races.at_least("time: the race", races.Ratio(3.0, low, 4.0, 21), 2.0, "because")
-
     monkeypatch.setattr(work_precision, "SCENES", ())
-    monkeypatch.setattr(work_precision, "RACES", (FakeScene(),))
-    monkeypatch.setattr(work_precision, "run", run)
-    arguments = ["work_precision", "--fmu", str(fmu_path), "--no-plots", "--output", str(tmp_path)]
+    monkeypatch.setattr(work_precision, "RACES", (FakeScene(low),))
+    arguments = [
+        "work_precision",
+        "--fmu",
+        str(fmu_path),
+        "--no-plots",
+        "--no-faults",
+        "--output",
+        str(tmp_path),
+    ]
     assert main(arguments) == status
     assert "time: the race" in (tmp_path / "index.html").read_text("utf-8")
 
@@ -183,17 +196,21 @@ on_native = pytest.mark.parametrize("carrier", ["native"], indirect=True, scope=
 @pytest.fixture
 def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Races of a single round: all of their code runs, and nothing is claimed."""
-    monkeypatch.setattr(races, "ROUNDS", 1)
-    monkeypatch.setattr(races, "SPEND", 0.0)
+    for module, name in ((races, "ROUNDS"), (contest, "ROUNDS"), (work_precision, "MANY")):
+        monkeypatch.setattr(module, name, 1)
+    for module in (races, work_precision):
+        monkeypatch.setattr(module, "SPEND", 0.0)
+    monkeypatch.setattr(judging, "SPEND", {False: 0.0, True: 0.0})
 
 
 @on_native
-@pytest.mark.usefixtures("hurried", "carrier")
+@pytest.mark.usefixtures("hurried", "carrier", "carriers")
 def test_the_race_of_substeps_has_all_its_rows_if_both_carriers_are_there(fmu_path: Path) -> None:
     with Fmu(fmu_path) as fmu:
-        rows = list(work_precision.run(fmu, work_precision.SubstepScene()))
-    assert [type(row) for row in rows] == [Check] * 4
-    assert {row.bound for row in rows if isinstance(row, Check)} == {1.4, 1.25, 10.0, 7.0}
+        rows = [row for row in work_precision.substeps(fmu) if isinstance(row, Check)]
+    of_loops, of_carriers = 2 * len(SolverMethod), len(work_precision.EXPLICIT) + 1
+    assert len({row.name for row in rows}) == len(rows) == of_loops + of_carriers
+    assert {row.bound for row in rows} == {1.4, 1.25, 10.0, 7.0}
 
 
 @on_native
@@ -204,24 +221,37 @@ def test_what_is_left_out_of_the_races_is_said(
     alone = tmp_path / fmu_path.name
     alone.write_bytes(fmu_path.read_bytes())
     monkeypatch.setenv("PATH", str(tmp_path))
+    loops.c_loops.cache_clear()
     with Fmu(alone) as fmu:
-        rows = list(work_precision.run(fmu, work_precision.SubstepScene()))
-    notes = [row.text for row in rows if isinstance(row, Note)]
-    assert len(notes) == len(rows) == 2
+        notes = [row.text for row in work_precision.substeps(fmu) if isinstance(row, Note)]
+    assert len(notes) == 2
     assert "Left out: the races with the other carrier, because there is no" in notes[0]
     assert "Left out: the race of the native FMU against a bare loop in C: no C compiler" in notes[1]
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("hurried")
-def test_the_race_against_scipy_has_a_row_for_every_error(fmu_path: Path) -> None:
+def test_a_race_has_a_row_for_every_error_and_a_file_of_all_runs(fmu_path: Path) -> None:
     with Fmu(fmu_path) as fmu:
-        rows = list(work_precision.run(fmu, work_precision.RatioScene()))
-    assert sum(isinstance(row, Check) for row in rows) == len(work_precision.FASTER_AT)
+        results = list(work_precision.RaceScene(EXTREME).run(fmu))
+    fastest, everything = (result for result in results if isinstance(result, Table))
+    assert [row[0] for row in fastest.rows] == [f"{error:.0e}" for error in EXTREME.targets]
+    assert (fastest.shown, everything.shown) == (True, False)
+    assert {row[0] for row in everything.rows} == {*OURS, *GROUPS[False]["solve_ivp"], "odeint"}
+    assert {"CPU", "date", "commit", "numpy"} <= {name for name, _ in everything.head}
 
 
-def test_a_race_that_no_solver_finishes_is_a_row_that_does_not_hold(fmu_path: Path) -> None:
-    with Fmu(fmu_path) as fmu:
-        row = work_precision._faster(fmu, 1e-9, 1e-3, ("none", nan), None)
+def test_a_goal_that_nobody_measured_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(work_precision, "rivals", lambda native: ((), ("heyoka is left out",)))
+    row = work_precision.against_heyoka.__wrapped__(None)
     assert not row.holds
-    assert "no solver of solve_ivp reaches this error" in row.reason
+    assert "pip install '.[peers]'" in row.reason
+    assert row.verdict.endswith("none, at least 1")
+
+
+def test_a_table_that_is_not_shown_is_in_its_file_with_its_head(fmu_path: Path, tmp_path: Path) -> None:
+    table = Table("All runs", ("seconds",), [(1.5,)], shown=False, head=(("CPU", "a fast one"),))
+    written = page.write([Section("study", "", "", [table])], tmp_path, fmu_path, pictures=False)
+    assert "All runs" not in written.read_text("utf-8")
+    file = tmp_path / "study-all-runs.csv"
+    assert file.read_text("utf-8").splitlines() == ["# CPU: a fast one", "seconds", "1.5"]

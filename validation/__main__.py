@@ -9,13 +9,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NoReturn
 
-from . import studies
+from . import faults, studies
 from .checks import Plot, Result
 from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
 from .report import figures, page, screen
 from .report.section import Section, summary
 
-LEADING = ("work_precision", "stability")  # studies with a picture at the top of the report
+LEADING = ("work_precision",)  # studies with a picture at the top of the report
 
 
 class Parser(argparse.ArgumentParser):
@@ -34,6 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--fmu", type=Path, default=DEFAULT_PATH, metavar="FILE.fmu", help="the FMU")
     parser.add_argument(
         "--output", type=Path, default=Path("report"), metavar="DIR", help="where the report goes"
+    )
+    parser.add_argument(
+        "--no-faults", action="store_true", help="leave out which faults of the FMU break which rows"
     )
     parser.add_argument("--no-plots", action="store_true", help="leave out the pictures")
     parser.add_argument(
@@ -62,7 +65,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         pictures = False
     try:
         with Fmu(options.fmu) as fmu:
-            sections = list(run_studies(fmu, chosen))
+            loaded = [studies.load(name) for name in chosen]
+            if not options.no_faults:
+                loaded.append(faults.study(chosen))
+            sections = list(run_studies(fmu, loaded))
     except UnusableFmuError as error:
         parser.error(str(error))
     written = page.write(sections, options.output, options.fmu, pictures)
@@ -73,9 +79,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0 if all(check.holds for section in sections for check in section.checks) else 1
 
 
-def run_studies(fmu: Fmu, names: Sequence[str]) -> Iterator[Section]:
+def run_studies(fmu: Fmu, chosen: Sequence[studies.Study]) -> Iterator[Section]:
     """Run studies, show their progress and print each when it is done."""
-    chosen = [studies.load(name) for name in names]
     console = screen.console()
     with screen.progress() as progress:
         task = progress.add_task("", total=sum(len(study.scenes) + len(study.races) for study in chosen))

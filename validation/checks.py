@@ -69,12 +69,20 @@ def formula(
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the report: headers with units, and cells that are shown as they are, numbers with six digits."""
+    """A table of the report: headers with units, and cells that are shown as they are, numbers with six digits.
+
+    Attributes
+    ----------
+    shown : whether it stands in the report, not only in its CSV file
+    head : what stands before the headers in the CSV file, a name and a value a line
+    """
 
     title: str
     columns: Sequence[str]
     rows: Sequence[Sequence[object]]
     note: str = ""
+    shown: bool = True
+    head: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True)

@@ -6,19 +6,24 @@ about the FMU, and a row about formulas must not change with one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import nan
 
 import numpy as np
 
-from .checks import About, Check
-from .fmu import Experiment, Fmu, Run
-from .studies import Scene
+from . import studies
+from .checks import About, Check, Result, Table, formula
+from .fmu import Experiment, Fmu, G, Run
+from .metrics import Array
 
-DEFAULTS = {"m": 1.0, "L": 1.0, "gamma": 0.002, "g": 9.80665, "solver.stepSize": 1e-3}
+DEFAULTS = {"m": 1.0, "L": 1.0, "gamma": 0.002, "g": G, "solver.stepSize": 1e-3}
 OUTPUTS = ("phi", "w", "a", "E")
+ROWS = "(rows about the FMU)"  # beside the names of faults
+UNTOUCHED = ("work_precision",)  # studies of run times, which no such fault changes
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,7 @@ def late_torque(experiment: Experiment) -> Experiment:
     return replace(experiment, torque=lambda t: torque(before[t]) if t in before else 0.0)
 
 
-def outputs(change: Callable[[np.typing.NDArray[np.float64]], object], *names: str) -> Callable[[Run], Run]:
+def outputs(change: Callable[[Array], object], *names: str) -> Callable[[Run], Run]:
     """Return the change of the recorded outputs `names`."""
 
     def changed(run: Run) -> Run:
@@ -72,7 +77,7 @@ def outputs(change: Callable[[np.typing.NDArray[np.float64]], object], *names: s
     return changed
 
 
-def dropped(column: np.typing.NDArray[np.float64]) -> np.typing.NDArray[np.float64]:
+def dropped(column: Array) -> Array:
     """Return what is recorded if the step in the middle is not made."""
     middle = len(column) // 2
     return np.concatenate((column[:middle], column[max(middle - 1, 0) : -1]))
@@ -136,17 +141,115 @@ class Injected:
         return [row for row in self.rows if row not in found]
 
 
-def inject(fmu: Fmu, scene: Scene) -> Injected:
+def inject(fmu: Fmu, scene: studies.Scene) -> Injected:
     """Put each fault between the FMU and a scene."""
     made: dict[object, Run] = {}
     healthy = _rows(Faulty(fmu, Fault("none"), made), scene)
     broken, moved = {}, set()
     for fault in FAULTS:
-        rows = _rows(Faulty(fmu, fault, made), scene)
+        with np.errstate(all="ignore"):  # NaN goes through all that a study computes
+            rows = _rows(Faulty(fmu, fault, made), scene)
         broken[fault.name] = [row.name for row in rows.values() if row.about is About.FMU and not row.holds]
         moved |= {name for name, row in healthy.items() if row.about is About.FORMULAS and rows[name] != row}
     return Injected([name for name, row in healthy.items() if row.about is About.FMU], broken, sorted(moved))
 
 
-def _rows(fmu: Fmu, scene: Scene) -> dict[str, Check]:
+def _rows(fmu: Fmu, scene: studies.Scene) -> dict[str, Check]:
     return {row.name: row for row in scene.run(fmu) if isinstance(row, Check)}
+
+
+# The study of the studies
+
+
+@dataclass(frozen=True)
+class Noticed:
+    """A scene of the report: the faults put into all scenes of a study; `found` is what they did, by study."""
+
+    study: studies.Study
+    found: dict[str, Counter[str]]
+    slow: bool = True
+
+    @property
+    def name(self) -> str:
+        """The name in the progress bar."""
+        return f"faults in {self.study.name}"
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield how many rows are counted wrongly, and the faults that break each."""
+        with fastest(fmu) as carrier:
+            done = [inject(carrier, scene) for scene in self.study.scenes]
+        self.found[self.study.name] = Counter(
+            {fault.name: sum(len(injected.broken[fault.name]) for injected in done) for fault in FAULTS}
+        )
+        self.found[self.study.name][ROWS] = sum(len(injected.rows) for injected in done)
+        unbroken = [row for injected in done for row in injected.unbroken]
+        moved = [row for injected in done for row in injected.moved]
+        for what, rows in (
+            ("rows about the FMU that no fault breaks", unbroken),
+            ("rows about formulas that a fault moves", moved),
+        ):
+            yield formula(
+                f"{self.study.name}: {what}",
+                len(rows),
+                0,
+                "; ".join(rows) or "a count; NaN alone breaks no row",
+            )
+        yield Table(
+            f"Faults that break each row of {self.study.name}",
+            ("row", "faults"),
+            [
+                (row, ", ".join(fault for fault, rows in injected.broken.items() if row in rows))
+                for injected in done
+                for row in injected.rows
+            ],
+        )
+
+
+@contextmanager
+def fastest(fmu: Fmu) -> Iterator[Fmu]:
+    """Yield the native FMU that lies beside `fmu`, or `fmu` where there is none: the faults are outside of both."""
+    native = fmu.path.with_name("DampedPendulumNative.fmu")
+    if fmu.native or not native.is_file():
+        yield fmu
+    else:
+        with Fmu(native) as other:
+            yield other
+
+
+@dataclass(frozen=True)
+class Overview:
+    """A scene of the report: how many rows notice each fault."""
+
+    found: dict[str, Counter[str]]
+    name: str = "overview"
+    slow: bool = False
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the table of faults and studies."""
+        del fmu
+        names = list(self.found)
+        rows = [
+            (what, *counts, sum(counts))
+            for what in (ROWS, *(fault.name for fault in FAULTS))
+            for counts in [[self.found[name][what] for name in names]]
+        ]
+        yield Table(
+            "How many rows about the FMU each fault breaks",
+            ("fault", *names, "all"),
+            rows,
+            "Each fault changes what the FMU gets or gives, and nothing else. A row that stands for the FMU has to "
+            "break by one of them.",
+        )
+
+
+def study(names: Sequence[str]) -> studies.Study:
+    """Return the study of what breaks the rows of the studies `names`; those of run times are left out."""
+    found: dict[str, Counter[str]] = {}
+    loaded = [studies.load(name) for name in names if name not in UNTOUCHED]
+    return studies.Study(
+        "faults",
+        "What would notice a fault",
+        "a fault is put between the validation and the FMU; the rows that fail notice it",
+        (*(Noticed(one, found) for one in loaded), Overview(found)),
+        (),
+    )

@@ -6,7 +6,7 @@ import io
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
-from ctypes import c_double, c_uint
+from ctypes import c_double, c_uint, c_void_p, cast
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import pairwise
@@ -68,6 +68,8 @@ class Experiment:
     record : outputs to read at every communication point
     begin : start time [s]
     points : communication points [s] instead of those from `begin` to `stop`
+    inputs : tau [N.m] and its first three derivatives by time at the beginning of each communication step, a row
+        each, instead of `torque`; for a `Host` alone
     """
 
     stop: float
@@ -77,6 +79,7 @@ class Experiment:
     record: Sequence[str] = ("phi",)
     begin: float = 0.0
     points: Sequence[float] | None = None
+    inputs: NDArray[np.float64] | None = None
 
     def times(self) -> list[float]:
         """Return the communication points [s], formed without accumulation."""
@@ -90,7 +93,8 @@ class Experiment:
 class Run:
     """Recorded outputs up to the stop, or to where the FMU failed: `failure` says why, "" if it did not.
 
-    The outputs at the end of the step that failed are NaN, so that no bound holds for want of them.
+    The outputs at the end of the step or of the initialization that failed are NaN, so that no bound holds for want of
+    them.
     """
 
     t: NDArray[np.float64]
@@ -102,6 +106,10 @@ class Run:
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         return self.columns[name]
+
+
+Host = Callable[..., int]
+"""A compiled importer, see race/host.c."""
 
 
 class Fmu:
@@ -161,6 +169,13 @@ class Fmu:
         The functions of the FMU are called as FMPy has loaded them, without the wrappers in Python around them, so
         that the time is that of the FMU.
         """
+        return self._run(experiment, None)
+
+    def run_in(self, host: Host, experiment: Experiment) -> Run:
+        """Simulate in a compiled host, which has the loop over the communication steps and sets no held torque."""
+        return self._run(experiment, host)
+
+    def _run(self, experiment: Experiment, host: Host | None) -> Run:
         slave, component = self._slave, self._slave.component
         do_step = slave.dll.fmi2DoStep
         times = experiment.times()
@@ -176,18 +191,20 @@ class Fmu:
                 setter([self._reference[name]], [value])
             slave.enterInitializationMode()
             ready = slave.dll.fmi2ExitInitializationMode(component) <= fmi2Warning
-            if ready:
-                rows.append(read())
-            begin = clock()
-            for now, then in pairwise(times) if ready else ():
-                if experiment.torque is not None:
-                    set_torque(experiment.torque(now))
-                if do_step(component, now, then - now, fmi2True) > fmi2Warning:
-                    rows.append([nan] * len(experiment.record))
-                    break
-                if experiment.record:
-                    rows.append(read())
-            seconds = clock() - begin
+            rows.append(read() if ready else [nan] * len(experiment.record))
+            if host is not None and ready:
+                seconds = self._loop_of(host, experiment, times, rows)
+            else:
+                begin = clock()
+                for now, then in pairwise(times) if ready else ():
+                    if experiment.torque is not None:
+                        set_torque(experiment.torque(now))
+                    if do_step(component, now, then - now, fmi2True) > fmi2Warning:
+                        rows.append([nan] * len(experiment.record))
+                        break
+                    if experiment.record:
+                        rows.append(read())
+                seconds = clock() - begin
             nfev = slave.getInteger([self._reference[EVALUATIONS]])[0]
         failure = next((text for status, text in self._messages if status > fmi2Warning), "")
         table = np.array(rows, dtype=float).reshape(len(rows), len(experiment.record))
@@ -199,6 +216,27 @@ class Fmu:
             failure=failure,
             warnings=[text for status, text in self._messages if status == fmi2Warning],
         )
+
+    def _loop_of(
+        self, host: Host, experiment: Experiment, times: Sequence[float], rows: list[list[float]]
+    ) -> float:
+        """Run in a compiled host, append to `rows` what it reads, and return its time [s]."""
+        dll, steps, width = self._slave.dll, len(times) - 1, len(experiment.record)
+        names = ("fmi2DoStep", "fmi2GetReal", "fmi2SetReal", "fmi2SetRealInputDerivatives")
+        functions = [cast(getattr(dll, name), c_void_p) for name in names]
+        references = (c_uint * width)(*(self._reference[name] for name in experiment.record))
+        points, table = np.array(times), np.empty((steps, width))
+        addresses = [None if x is None else x.ctypes.data for x in (points, table, experiment.inputs)]
+        tau, component = self._reference["tau"], c_void_p(self._slave.component)
+        begin = clock()
+        done = host(
+            *functions, component, steps, addresses[0], width, references, addresses[1], tau, addresses[2]
+        )
+        seconds = clock() - begin
+        rows += table[:done].tolist()
+        if done < steps:
+            rows.append([nan] * width)
+        return seconds
 
     def _reader(self, names: Sequence[str]) -> Callable[[], list[float]]:
         slave, n = self._slave, len(names)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from math import log2, sqrt
+from collections.abc import Iterable, Mapping, Sequence
+from math import log2, nan, sqrt
 from typing import TypeVar
 
 import numpy as np
@@ -72,6 +72,12 @@ def upward_crossings(t: Array, phi: Array, w: Array, a: Array) -> list[float]:
         )
         for i in np.flatnonzero((phi[:-1] < 0) & (phi[1:] >= 0))
     ]
+
+
+def upward_crossing(run: Mapping[str, Array], t: Array, n: int = 0) -> float:
+    """Return the time [s] of the n-th crossing (from 0, or from the last as -1), NaN if there is none."""
+    crossings = upward_crossings(t, run["phi"], run["w"], run["a"])
+    return crossings[n] if -len(crossings) <= n < len(crossings) else nan
 
 
 def _quintic(H: float, phi: Array, w: Array, a: Array) -> Sequence[float]:

@@ -8,13 +8,15 @@ if the whole interval keeps the bound. A race is run once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from math import comb, nan
 from time import perf_counter, thread_time
+from typing import TypeVar
 
 from .checks import Check
 
+Name = TypeVar("Name", bound=Hashable)
 Runner = Callable[[], float]  # runs once and returns the time [s] of what is raced
 
 ROUNDS = 21
@@ -55,12 +57,12 @@ class Ratio:
 
 
 def race(
-    runners: Mapping[str, Runner], rounds: int | None = None, spend: float | None = None
-) -> dict[str, list[float]]:
+    runners: Mapping[Name, Runner], rounds: int | None = None, spend: float | None = None
+) -> dict[Name, list[float]]:
     """Return the times [s] of a run of each runner, its mean in each round; each round begins with another runner."""
     rounds, spend = ROUNDS if rounds is None else rounds, SPEND if spend is None else spend
     names = list(runners)
-    times: dict[str, list[float]] = {name: [] for name in names}
+    times: dict[Name, list[float]] = {name: [] for name in names}
     for i in range(rounds):
         first = i % len(names)
         for name in names[first:] + names[:first]:
@@ -94,19 +96,37 @@ def interval_rank(n: int) -> int:
     return k
 
 
-def at_least(name: str, measured: Ratio, bound: float, reason: str) -> Check:
+@dataclass(frozen=True)
+class Claim(Check):
+    """A row about a ratio, of which it judges the end of the interval; None: it could not be measured."""
+
+    ratio: Ratio | None = None
+
+    @property
+    def verdict(self) -> str:
+        """The claim and what was measured, in words."""
+        found = (
+            f"{self.ratio.median:.3g} ({self.ratio.low:.3g} to {self.ratio.high:.3g})"
+            if self.ratio
+            else "none"
+        )
+        return f"{self.name.removeprefix('time: ')}: {found}, at {'least' if self.at_least else 'most'} {self.bound:g}"
+
+
+def at_least(name: str, measured: Ratio, bound: float, reason: str) -> Claim:
     """Return the row that claims a ratio of at least `bound`."""
-    return Check(name, measured.low, bound, _reason(measured, bound, reason), at_least=True)
+    reason = _reason(measured, bound, reason)
+    return Claim(name, measured.low, bound, reason, at_least=True, ratio=measured)
 
 
-def at_most(name: str, measured: Ratio, bound: float, reason: str) -> Check:
+def at_most(name: str, measured: Ratio, bound: float, reason: str) -> Claim:
     """Return the row that claims a ratio of at most `bound`."""
-    return Check(name, measured.high, bound, _reason(measured, bound, reason))
+    return Claim(name, measured.high, bound, _reason(measured, bound, reason), ratio=measured)
 
 
-def not_measured(name: str, bound: float, why: str) -> Check:
+def not_measured(name: str, bound: float, why: str) -> Claim:
     """Return the row of a race that could not be run, which never holds."""
-    return Check(name, nan, bound, f"not measured: {why}", at_least=True)
+    return Claim(name, nan, bound, f"not measured: {why}", at_least=True)
 
 
 def _reason(measured: Ratio, bound: float, reason: str) -> str:

@@ -67,15 +67,16 @@ class Motion(NamedTuple):
         s = b * kick
         push = b * self.drive
 
+        def free(phi: float, w: float) -> tuple[float, float, int]:
+            v = (w + push) / denominator
+            return phi + b * v, v, 1
+
         def stage(phi: float, w: float) -> tuple[float, float, int]:
             v = (w + push) / denominator
-            c = phi + b * v
-            if s == 0.0:
-                return c, v, 1
-            x, evaluations = solve_kepler(s, c)
+            x, evaluations = solve_kepler(s, phi + b * v)
             return x, v - kick * sin(x), evaluations
 
-        return stage
+        return stage if s != 0.0 else free
 
     def longest_implicit_stage(self) -> float:
         """Return the factor b [s] below which the equation of an implicit stage has a single root.
@@ -233,16 +234,34 @@ _QUARTER_ULP = float_info.epsilon / 4.0  # of 1
 def solve_kepler(s: float, c: float) -> tuple[float, int]:
     """Solve x + s*sin(x) = c for |s| < 1 by Newton's method to the last bit.
 
-    The root is kept between bounds, and a Newton step that would leave them is replaced by a bisection,
-    so the iteration ends for every s. `x - c` is exact near the root, so the residual is good to a
-    rounding error of s*sin(x), not of x.
+    For |s| <= 1/2 a Newton step leaves less than a quarter of the error, which is |s| at most at the start. `x - c` is
+    exact near the root, so the residual is good to a rounding error of s*sin(x), not of x.
 
     Returns
     -------
     x : the root, in the unit of `c`
     evaluations : how often sin and cos were evaluated
     """
-    low, high = c - 2.0 * abs(s), c + 2.0 * abs(s)
+    size = abs(s)
+    if size > 0.5:
+        return _solve_between_bounds(s, c)
+    x = c
+    evaluations = 0
+    while True:
+        slope = 1.0 + s * cos(x)
+        correction = ((x - c) + s * sin(x)) / slope
+        new = x - correction
+        evaluations += 1
+        # The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of a unit in the last place.
+        if size * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
+            return new, evaluations
+        x = new
+
+
+def _solve_between_bounds(s: float, c: float) -> tuple[float, int]:
+    """Do the same with the root kept between bounds: a Newton step that would leave them is replaced by a bisection."""
+    size = abs(s)
+    low, high = c - 2.0 * size, c + 2.0 * size
     x = c
     evaluations = 0
     while True:
@@ -255,8 +274,7 @@ def solve_kepler(s: float, c: float) -> tuple[float, int]:
         slope = 1.0 + s * cos(x)
         correction = residual / slope
         new = x - correction
-        # The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of a unit in the last place.
-        if abs(s) * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
+        if size * correction * correction <= _QUARTER_ULP * slope * abs(new) or new == x:
             return new, evaluations
         if not low < new < high:
             new = 0.5 * (low + high)

@@ -116,9 +116,19 @@ def second_order(
 
 
 def types_of(variables: Iterable[Variable], *own: Type) -> tuple[Type, ...]:
-    """Return the types that `variables` have: of those above, and of a model's `own`."""
-    used = {variable.type for variable in variables}
-    return tuple(type_ for type_ in (*TYPES, *own) if type_.name in used)
+    """Return the types that `variables` have: of those above, and of a model's `own`.
+
+    Raises
+    ------
+    ValueError : a variable has another type
+    """
+    used = {variable.type: variable.name for variable in variables}
+    known = (*TYPES, *own)
+    for unknown in used.keys() - {type_.name for type_ in known} - {SOLVER_METHODS.name, EVALUATIONS.type}:
+        raise ValueError(
+            f"{used[unknown]} has the type {unknown}, which is none of fmi/rows.py or of the model"
+        )
+    return tuple(type_ for type_ in known if type_.name in used)
 
 
 def units_of(types: Iterable[Type], *own: Unit) -> tuple[Unit, ...]:

@@ -6,7 +6,8 @@ Stage i of a substep h from phi and w is
 
 With what is known on its right-hand side, V = w + h*sum_j A_ij*a_j and X = phi + h*sum_j A_ij*v_j with j < i, it is the
 implicit stage of the model, v_i = V + b*a(x_i, v_i), x_i = X + b*v_i, b = h*A_ii. The last stage is the result of the
-substep. b*a_i is had as v_i - V: where the motion is stiff, a(x_i, v_i) would magnify the rounding of v_i.
+substep, and an explicit first one is the last of the substep before. b*a_i is had as v_i - V: where the motion is
+stiff, a(x_i, v_i) would magnify the rounding of v_i.
 
 References: Hairer, Wanner, "Solving Ordinary Differential Equations II", section IV.6; Bank, Coughran, Fichtner,
 Grosse, Rose, Smith, "Transient simulation of silicon devices and circuits", IEEE Transactions on Electron Devices 32
@@ -57,29 +58,25 @@ def _source(tableau: Tableau) -> str:
     """
     diagonal = tableau[-1][-1]
     last = len(tableau) - 1
-    steps, stages = [], []
+    is_explicit = tableau[0] == (0.0,)
+    head = [f"b = h * {diagonal!r}", "stage = motion.implicit_stage(b)"]
+    head += ["kick0 = b * motion.acceleration()(phi, w)", "nfev = 1"] if is_explicit else ["nfev = 0"]
+    substep = ["v0 = w"] if is_explicit else []
     for i, row in enumerate(tableau):
-        steps += [f"h{i}{j} = h * {row[j]!r}" for j in range(i)]
         if row[-1] == 0.0:
-            stages += [f"v{i} = w", f"kick{i} = b * acceleration(phi, w)", "nfev += 1"]
             continue
+        head += [f"h{i}{j} = h * {row[j]!r}" for j in range(i)]
         x = " + ".join(["phi", *(f"h{i}{j} * v{j}" for j in range(i))])
         v = " + ".join(["w", *(f"{row[j] / diagonal!r} * kick{j}" for j in range(i))])
-        stages += [f"V = {v}", f"x, v{i}, evaluations = stage({x}, V)", "nfev += evaluations"]
+        substep += [f"V = {v}", f"x, v{i}, evaluations = stage({x}, V)", "nfev += evaluations"]
         if i < last:
-            stages.append(f"kick{i} = v{i} - V")
-    head = [
-        f"b = h * {diagonal!r}",
-        "stage = motion.implicit_stage(b)",
-        "acceleration = motion.acceleration()",
-        *steps,
-        "nfev = 0",
-    ]
+            substep.append(f"kick{i} = v{i} - V")
+    substep += [f"kick0 = v{last} - V"] if is_explicit else []
     lines = [
         "def solver(motion, phi, w, h, n):",
         *(f"    {line}" for line in head),
         "    for _ in repeat(None, n):",
-        *(f"        {line}" for line in [*stages, f"phi, w = x, v{last}"]),
+        *(f"        {line}" for line in [*substep, f"phi, w = x, v{last}"]),
         "    return phi, w, nfev",
     ]
     return "\n".join(lines)

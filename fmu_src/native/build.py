@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import fmpy
 
+from fmi.second_order import Names
 from fmi.tables import Range, Variable
 from methods.solvers import MAX_SUBSTEPS, METHODS, SolverMethod
 from methods.taylor import ORDER as TAYLOR_ORDER
@@ -102,6 +103,7 @@ def header(guid: str) -> str:
         "STATE_FORMAT": INTERFACE.state_format(MODEL_NAME),
         "REFERENCES": ", ".join(f"VR_{variable.name.replace('.', '_')}" for variable in INTERFACE.variables),
         "VARIABLES": "\n".join(map(_row, INTERFACE.variables)),
+        "MODEL": _model(SLAVE.names),
         "METHODS": ", ".join(f"{method.name} = {method.value}" for method in SolverMethod),
         "METHOD_ROWS": "\n".join(map(_method_row, SolverMethod)),
         "MAX_STAGES": str(max(len(method.tableau) for method in METHODS.values())),
@@ -122,6 +124,12 @@ def _row(variable: Variable) -> str:
     strings = ", ".join(f'"{text}"' for text in (variable.name, INTERFACE.unit_of(variable), allowed.text))
     numbers = ", ".join(map(_c_double, (variable.start or 0.0, allowed.lowest, allowed.highest)))
     return f"    {{{strings}, {kind}, {variable.causality.upper()}, {numbers}}},"
+
+
+def _model(names: Names) -> str:
+    variables = (names.x, names.v, names.a, f"{names.x}_start", f"{names.v}_start", names.drive)
+    references = ", ".join(f"VR_{name}" for name in variables)
+    return f'{references}, "{names.system}", "{names.effort}"'
 
 
 def _method_row(method: SolverMethod) -> str:

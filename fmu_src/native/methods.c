@@ -30,8 +30,9 @@ static inline double acceleration(const Motion *p, double t, double x, double v)
     return model_acceleration(&p->model, p->order == 0 ? p->drive[0] : drive_at(p, t), x, v);
 }
 
-/* Methods: each advances x and v by the substep of h that begins at t, and returns its evaluations. They and what they
- * call are inline, because a call costs as much as the arithmetic of a stage. */
+/* Methods: each advances x and v by the substep of h that begins at t, and returns its evaluations; the implicit ones
+ * have the loop over the substeps, too. They and what they call are inline, because a call costs as much as the
+ * arithmetic of a stage. */
 
 static inline int64_t explicit_euler(const Motion *p, double t, double h, double *x, double *v) {
     const double a = acceleration(p, t, *x, *v);
@@ -98,55 +99,6 @@ static inline int64_t newton_stage(const Model *model, double b, double drive, d
     }
 }
 
-/* A diagonally implicit Runge-Kutta method by its tableau, as implicit.py has it. */
-static inline int64_t diagonally_implicit(const Motion *p, Method method, double t, double h, double *x, double *v) {
-    const int stages = METHODS[method].stages;
-    const double diagonal = METHODS[method].A[stages - 1][stages - 1];
-    const double b = h * diagonal;
-    double rates[MAX_STAGES];
-    double kicks[MAX_STAGES]; /* b*a of each stage */
-    double x_stage = *x;
-    int64_t nfev = 0;
-    for (int i = 0; i < stages; i++) {
-        const double *row = METHODS[method].A[i];
-        x_stage = *x;
-        double before = *v;
-        double node = row[i];
-        for (int j = 0; j < i; j++) {
-            x_stage += h * row[j] * rates[j];
-            before += row[j] / diagonal * kicks[j];
-            node += row[j];
-        }
-        rates[i] = before;
-        if (row[i] == 0.0) {
-            kicks[i] = b * acceleration(p, t, x_stage, before);
-            nfev++;
-        } else {
-            nfev += model_implicit_stage(&p->model, b, drive_at(p, t + node * h), &x_stage, &rates[i]);
-            kicks[i] = rates[i] - before;
-        }
-    }
-    *x = x_stage;
-    *v = rates[stages - 1];
-    return nfev;
-}
-
-static inline int64_t implicit_euler(const Motion *p, double t, double h, double *x, double *v) {
-    return diagonally_implicit(p, ImplicitEuler, t, h, x, v);
-}
-
-static inline int64_t implicit_trapezoid(const Motion *p, double t, double h, double *x, double *v) {
-    return diagonally_implicit(p, ImplicitTrapezoid, t, h, x, v);
-}
-
-static inline int64_t tr_bdf2(const Motion *p, double t, double h, double *x, double *v) {
-    return diagonally_implicit(p, TRBDF2, t, h, x, v);
-}
-
-static inline int64_t sdirk4(const Motion *p, double t, double h, double *x, double *v) {
-    return diagonally_implicit(p, SDIRK4, t, h, x, v);
-}
-
 static inline double total(const double terms[TAYLOR_ORDER + 1]) {
     double value = 0.0;
     for (int k = TAYLOR_ORDER; k >= 0; k--)
@@ -195,6 +147,45 @@ static inline int64_t substeps_of(int64_t (*step)(const Motion *, double, double
     return nfev;
 }
 
+/* The substeps of a diagonally implicit Runge-Kutta method by its tableau, as implicit.py has them. */
+static inline int64_t diagonally_implicit(Method method, const Motion *given, double *x, double *v, double h,
+                                          int64_t first, int64_t n) {
+    const Motion p = *given; /* a copy that no call can change */
+    const int stages = METHODS[method].stages;
+    const double diagonal = METHODS[method].A[stages - 1][stages - 1];
+    const double b = h * diagonal;
+    const bool is_explicit = METHODS[method].A[0][0] == 0.0;
+    double x_then = *x;
+    double rates[MAX_STAGES];
+    double kicks[MAX_STAGES]; /* b*a of each stage */
+    rates[stages - 1] = *v;
+    kicks[stages - 1] = is_explicit ? b * acceleration(&p, (double)first * h, *x, *v) : 0.0;
+    int64_t nfev = is_explicit ? 1 : 0;
+    for (int64_t i = first; i < first + n && isfinite(x_then) && isfinite(rates[stages - 1]); i++) {
+        const double x_before = x_then;
+        const double v_before = rates[stages - 1];
+        rates[0] = v_before;
+        kicks[0] = kicks[stages - 1];
+        for (int k = is_explicit ? 1 : 0; k < stages; k++) {
+            const double *row = METHODS[method].A[k];
+            double v_known = v_before;
+            double node = row[k];
+            x_then = x_before;
+            for (int j = 0; j < k; j++) {
+                x_then += h * row[j] * rates[j];
+                v_known += row[j] / diagonal * kicks[j];
+                node += row[j];
+            }
+            rates[k] = v_known;
+            nfev += model_implicit_stage(&p.model, b, drive_at(&p, (double)i * h + node * h), &x_then, &rates[k]);
+            kicks[k] = rates[k] - v_known;
+        }
+    }
+    *x = x_then;
+    *v = rates[stages - 1];
+    return nfev;
+}
+
 /* Integrate over the substeps first, ..., first + n - 1 of h [s] while the state is finite; return the evaluations.
  * A loop for each method: a choice in the loop would cost a tenth. */
 static int64_t integrate(const Motion *p, double *x, double *v, double h, int64_t first, int64_t n) {
@@ -202,10 +193,10 @@ static int64_t integrate(const Motion *p, double *x, double *v, double h, int64_
     case ExplicitEuler: return substeps_of(explicit_euler, p, x, v, h, first, n);
     case ExplicitMidPoint2: return substeps_of(explicit_midpoint2, p, x, v, h, first, n);
     case ExplicitRungeKutta4: return substeps_of(explicit_runge_kutta4, p, x, v, h, first, n);
-    case ImplicitEuler: return substeps_of(implicit_euler, p, x, v, h, first, n);
-    case ImplicitTrapezoid: return substeps_of(implicit_trapezoid, p, x, v, h, first, n);
-    case TRBDF2: return substeps_of(tr_bdf2, p, x, v, h, first, n);
-    case SDIRK4: return substeps_of(sdirk4, p, x, v, h, first, n);
+    case ImplicitEuler: return diagonally_implicit(ImplicitEuler, p, x, v, h, first, n);
+    case ImplicitTrapezoid: return diagonally_implicit(ImplicitTrapezoid, p, x, v, h, first, n);
+    case TRBDF2: return diagonally_implicit(TRBDF2, p, x, v, h, first, n);
+    case SDIRK4: return diagonally_implicit(SDIRK4, p, x, v, h, first, n);
     default: return substeps_of(taylor_series, p, x, v, h, first, n);
     }
 }
@@ -242,8 +233,8 @@ static void growth(int order, double z, double coefficients[2 * TAYLOR_ORDER]) {
 
 /* Where w02 < 0 the model runs away from where it rests: the limit is that of swings as fast as this. */
 static double stability_limit(const Motion *p) {
-    const double k = -model_partial_derivative(&p->model, 0.0, MODEL.rest, 0.0, MODEL.a, MODEL.v);
-    const double w02 = -model_partial_derivative(&p->model, 0.0, MODEL.rest, 0.0, MODEL.a, MODEL.x);
+    const double k = -model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.v);
+    const double w02 = -model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.x);
     const double w0 = sqrt(fabs(w02));
     if (METHODS[p->method].real_limit == INFINITY || (k == 0.0 && w0 == 0.0)) return INFINITY;
     if (k >= 2.0 * w0) {

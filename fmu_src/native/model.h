@@ -18,15 +18,8 @@
 #include "interface.h"
 #include "text.h"
 
-/* The model's file defines `static const Facts MODEL`. */
-typedef struct {
-    unsigned x, v, a;          /* value references of the outputs x, v and a */
-    unsigned x_start, v_start; /* of the parameters that x and v start from */
-    unsigned input;            /* of the input u */
-    double rest;        /* x [x] of the small swings that the stability limits are for; v and drive are 0 there */
-    const char *system; /* what moves, in messages: "for this ..." */
-    const char *cause;  /* what u is, in messages: "check the ..." */
-} Facts;
+/* The model's file defines `static const double MODEL_REST`, the x [x] of the small swings that the stability limits
+ * are for; v and drive are 0 there. */
 
 /* What the parameters make of the equation; the model's file defines `struct Model`. */
 typedef struct Model Model;

@@ -11,17 +11,7 @@
 #include "model.h"
 #include "scaling.h"
 
-static const Facts MODEL = {
-    .x = VR_phi,
-    .v = VR_w,
-    .a = VR_a,
-    .x_start = VR_phi_start,
-    .v_start = VR_w_start,
-    .input = VR_tau,
-    .rest = 0.0,
-    .system = "pendulum",
-    .cause = "torque",
-};
+static const double MODEL_REST = 0.0; /* [rad] */
 
 struct Model {
     double m, L, g;      /* mass [kg], length [m], gravity [m/s2] */

@@ -49,7 +49,7 @@ def rk4_error(t: ArrayLike, state: State, k2: float, w02: float, h: float) -> tu
     is t*(-h^4*A^5/120 + h^5*A^6/144 - ...) times the motion.
     """
     A = np.array([[0.0, 1.0], [-w02, -k2]])
-    fifth, sixth, seventh = (np.linalg.matrix_power(A, n) @ np.vstack(state) for n in (5, 6, 7))
+    fifth, sixth, seventh = (np.linalg.matrix_power(A, n) @ np.array(state) for n in (5, 6, 7))
     phi, w = np.asarray(t) * (-(h**4) / 120 * fifth + h**5 / 144 * sixth)
     next_phi, next_w = np.asarray(t) * h**6 / 336 * seventh
     return (phi, w), (next_phi, next_w)

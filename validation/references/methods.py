@@ -14,6 +14,7 @@ from math import sqrt
 import numpy as np
 
 from .arrays import Array, State
+from .linear import real_roots
 
 Drift = Callable[[Array, Array, float], Array]
 
@@ -137,5 +138,6 @@ METHODS = {
 
 def linear_radius(method: Method, k2: float, w02: float, h: float) -> float:
     """Return max |R(h*lambda)| over the two eigenvalues of the linear pendulum, the spectral radius of a step."""
-    root = np.sqrt(complex(k2 * k2 - 4 * w02))
-    return max(abs(method.stability(h * (-k2 + sign * root) / 2)) for sign in (1, -1))
+    if k2 * k2 / 4 > w02:
+        return max(abs(method.stability(-h * rate)) for rate in real_roots(k2, w02))
+    return abs(method.stability(h * complex(-k2 / 2, sqrt(w02 - k2 * k2 / 4))))

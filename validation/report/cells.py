@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-from ..checks import Check
+from ..checks import About, Check
 
-CHECK_COLUMNS = ("check", "measured", "relation", "bound", "unit", "margin", "verdict", "reason of the bound")
+CHECK_COLUMNS = (
+    "check",
+    "about",
+    "measured",
+    "relation",
+    "bound",
+    "unit",
+    "margin",
+    "verdict",
+    "reason of the bound",
+)
 
 
 def number(value: float) -> str:
@@ -17,10 +27,20 @@ def cell(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
+def is_number(value: object) -> bool:
+    """Return whether a cell is a number, which must not break at the minus of its exponent."""
+    try:
+        float(str(value))
+    except ValueError:
+        return False
+    return True
+
+
 def check_cells(check: Check) -> tuple[str, ...]:
     """Return a check as the cells of `CHECK_COLUMNS`."""
     return (
         check.name,
+        "FMU" if check.about is About.FMU else "formulas",
         number(check.measured),
         ">=" if check.at_least else "<=",
         number(check.bound),

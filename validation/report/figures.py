@@ -4,12 +4,35 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Sequence
 from typing import Any
 
-from ..checks import Plot
+import numpy as np
+
+from ..checks import About, Check, Curve, Plot
+from .section import Section
 
 INK = "#010203"  # of axes and text; in a page it is the colour of the text around the picture
-COLOURS = (INK, "#2f7fd1", "#d0552b", "#5f9e33", "#9066c0", "#8a8a8a", "#c49a00", "#2a9a9a")
+COLOURS = (INK, "#8a8a8a", "#3c78b4", "#b8862b", "#7a4ea3", "#5f9e33", "#d0552b", "#2a9a9a")
+# A solver has its colour in all pictures; the names are parts of the labels of curves. A rival has that of the method
+# that it is most like.
+SOLVERS = {
+    "ExplicitEuler": "#8a8a8a",
+    "ExplicitMidPoint2": "#5f9e33",
+    "ExplicitRungeKutta4": "#2f7fd1",
+    "ImplicitEuler": "#c49a00",
+    "ImplicitTrapezoid": "#9066c0",
+    "TRBDF2": "#2a9a9a",
+    "SDIRK4": "#d0552b",
+    "TaylorSeries": INK,
+    "RK45": "#5f9e33",
+    "DOP853": "#2f7fd1",
+    "LSODA": "#d0552b",
+    "Radau": "#c49a00",
+    "BDF": "#9066c0",
+    "odeint": INK,
+    "heyoka": "#2f7fd1",
+}
 STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -23,15 +46,16 @@ STYLE: Any = {
     "grid.linewidth": 0.3,
     "axes.facecolor": "none",
     "legend.framealpha": 0.0,
+    "image.composite_image": False,
 }
-ELEMENT = re.compile(r' id="[A-Za-z0-9]+_\d+"')  # names that matplotlib gives in every picture
+ELEMENT = re.compile(r' id="[A-Za-z0-9.]+_\d+"')  # names that matplotlib gives in every picture
+POINTS = 2000  # of a curve at most, about
+WIDEST = 1e6  # margins beyond it are drawn at this one
 
 
 def svg(plot: Plot) -> str:
     """Return a picture as an element of a page; it is the same for the same data."""
-    data = _draw(plot, "svg", {"svg.hashsalt": plot.title}, {"Date": None, "Creator": None})
-    text = data.decode("utf-8")
-    return ELEMENT.sub("", text[text.index("<svg") :]).replace(INK, "currentColor")
+    return _element(_draw(plot, "svg", {"svg.hashsalt": plot.title}, {"Date": None, "Creator": None}))
 
 
 def png(plot: Plot) -> bytes:
@@ -39,45 +63,107 @@ def png(plot: Plot) -> bytes:
     return _draw(plot, "png", {"savefig.facecolor": "white"}, {"Software": None})
 
 
-def _draw(plot: Plot, kind: str, style: dict[str, Any], metadata: dict[str, Any]) -> bytes:
+def _element(data: bytes) -> str:
+    text = data.decode("utf-8")
+    return ELEMENT.sub("", text[text.index("<svg") :]).replace(INK, "currentColor")
+
+
+def _pyplot() -> Any:
     import matplotlib as mpl
 
     mpl.use("Agg")
     from matplotlib import pyplot
 
-    with mpl.rc_context(STYLE | style):
-        figure, axes = pyplot.subplots(figsize=(9.0, 4.8), dpi=110, layout="constrained")
-        if plot.shade is not None:
-            x, y, values = plot.shade
-            axes.pcolormesh(
-                x, y, values, cmap="Greys", vmin=0.0, vmax=2.0, shading="nearest", rasterized=True
-            )
-        for i, curve in enumerate(plot.curves):
-            axes.plot(
-                curve.x,
-                curve.y,
-                color=COLOURS[i % len(COLOURS)],
-                linestyle=curve.line or "none",
-                marker=curve.marker,
-                markersize=4,
-                linewidth=1.3,
-                label=curve.label,
-            )
-        _finish(axes, plot)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format=kind, metadata=metadata, transparent=kind == "svg")
-        pyplot.close(figure)
+    return pyplot
+
+
+def _saved(figure: Any, kind: str, metadata: dict[str, Any]) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, metadata=metadata, transparent=kind == "svg")
+    _pyplot().close(figure)
     return buffer.getvalue()
 
 
-def _finish(axes: Any, plot: Plot) -> None:
-    axes.set(title=plot.title, xlabel=plot.x_label, ylabel=plot.y_label)
-    if "x" in plot.logarithmic:
-        axes.set_xscale("log")
-    if "y" in plot.logarithmic:
-        axes.set_yscale("log")
-    if plot.y_range is not None:
-        axes.set_ylim(*plot.y_range)
-    if any(curve.label for curve in plot.curves):
+def _draw(plot: Plot, kind: str, style: dict[str, Any], metadata: dict[str, Any]) -> bytes:
+    pyplot = _pyplot()
+    with pyplot.rc_context(STYLE | style):
+        panels = 2 if plot.below else 1
+        figure, axes = pyplot.subplots(
+            panels,
+            1,
+            figsize=(9.0, 4.4 if panels == 1 else 6.4),
+            dpi=110,
+            layout="constrained",
+            sharex=True,
+            squeeze=False,
+            height_ratios=(3, 2)[:panels],
+        )
+        upper, lower = axes[0, 0], axes[-1, 0]
+        if plot.shade is not None:
+            x, y, values = plot.shade
+            shaded = np.ma.masked_equal(
+                np.asarray(values, dtype=float), 0.0
+            )  # the rest stays the colour of the page
+            upper.pcolormesh(
+                x, y, shaded, cmap="Greys", vmin=0.0, vmax=2.0, shading="nearest", rasterized=True
+            )
+        _curves(upper, plot.curves, plot.logarithmic)
+        upper.set(title=plot.title, ylabel=plot.y_label)
+        if plot.y_range is not None:
+            upper.set_ylim(*plot.y_range)
+        if plot.below:
+            _curves(lower, plot.below, plot.logarithmic.replace("y", "") + plot.below_logarithmic)
+            lower.set_ylabel(plot.below_label)
+        lower.set_xlabel(plot.x_label)
+        return _saved(figure, kind, metadata)
+
+
+def _curves(axes: Any, curves: Sequence[Curve], logarithmic: str) -> None:
+    for i, curve in enumerate(curves):
+        every = max(1, len(np.asarray(curve.x)) // POINTS)
+        axes.plot(
+            np.asarray(curve.x)[::every],
+            np.asarray(curve.y)[::every],
+            color=_colour(curve.label, i),
+            linestyle=curve.line or "none",
+            marker=curve.marker,
+            markersize=4,
+            linewidth=1.3,
+            label=curve.label,
+        )
+    for axis in logarithmic:
+        getattr(axes, f"set_{axis}scale")("log")
+    if any(curve.label for curve in curves):
         axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0))
     axes.grid(True)
+
+
+def _colour(label: str, position: int) -> str:
+    """Return the colour of a curve: that of the solver in its label, or by its position."""
+    found = [colour for name, colour in SOLVERS.items() if name in label]
+    return found[0] if found else COLOURS[position % len(COLOURS)]
+
+
+def margins(sections: Sequence[Section]) -> str:
+    """Return the picture of all margins by study, as an element of a page."""
+    pyplot = _pyplot()
+    with pyplot.rc_context(STYLE | {"svg.hashsalt": "margins"}):
+        figure, axes = pyplot.subplots(figsize=(9.0, 0.5 * len(sections) + 1.2), layout="constrained")
+        shown = [section for section in sections if section.checks]
+        for i, section in enumerate(shown):
+            for about, marker, colour in ((About.FMU, "o", "#2f7fd1"), (About.FORMULAS, "x", "#8a8a8a")):
+                rows = [check for check in section.checks if check.about is about]
+                # Rows of equal margins lie on each other but for a shift that their order gives.
+                shift = 0.3 * np.sin(2.4 * np.arange(len(rows)))
+                axes.plot([_margin(row) for row in rows], i + shift, marker, color=colour, markersize=3.5)
+        axes.set_xscale("log")
+        axes.axvline(1.0, color=INK, linewidth=1.0)
+        axes.set_yticks(range(len(shown)), [section.name for section in shown])
+        axes.set(xlabel="margin: bound/measured, or measured/bound of a lower bound; a row left of 1 fails")
+        axes.invert_yaxis()
+        axes.grid(True, axis="x")
+        return _element(_saved(figure, "svg", {"Date": None, "Creator": None}))
+
+
+def _margin(check: Check) -> float:
+    return float(np.clip(np.nan_to_num(check.margin, nan=1e-2), 1e-2, WIDEST)) if check.holds else 0.5

@@ -8,6 +8,7 @@ import os
 import platform
 import re
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,10 +17,12 @@ from markupsafe import Markup
 
 from ..checks import Note, Plot, Result, Table
 from . import figures
-from .cells import CHECK_COLUMNS, cell, check_cells
-from .section import Section, summary
+from .cells import CHECK_COLUMNS, cell, check_cells, is_number
+from .section import Section, counts, summary
+from .words import GLOSSARY, TASKS
 
 FOLDER = Path(__file__).resolve().parent
+LONG = 12  # rows of a table that is shown without being opened
 PACKAGES = ("pythonfmu", "fmpy", "numpy", "scipy")
 
 
@@ -30,7 +33,9 @@ def write(sections: Sequence[Section], folder: Path, fmu: Path, pictures: bool) 
     write_csv(folder / "checks.csv", CHECK_COLUMNS, map(check_cells, checks))
     for section in sections:
         for table in section.of(Table):
-            write_csv(folder / f"{section.name}-{slug(table.title)}.csv", table.columns, table.rows)
+            write_csv(
+                folder / f"{section.name}-{slug(table.title)}.csv", table.columns, table.rows, table.head
+            )
     page = folder / "index.html"
     partial = page.with_suffix(".partial")
     partial.write_text(render(sections, fmu, pictures), "utf-8")
@@ -47,14 +52,30 @@ def render(sections: Sequence[Section], fmu: Path, pictures: bool) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"cell": cell, "cells": check_cells, "kind": lambda x: type(x).__name__}
-    environment.globals |= {"summary": summary, "is_headline": is_headline, "CHECK_COLUMNS": CHECK_COLUMNS}
+    environment.filters |= {
+        "all_hold": lambda checks: all(check.holds for check in checks),
+        "cell": cell,
+        "cells": check_cells,
+        "failing_first": lambda checks: sorted(checks, key=lambda check: check.holds),
+        "is_number": is_number,
+        "kind": lambda result: type(result).__name__,
+        "short": lambda title: title.split(":")[0],
+    }
     return environment.get_template("page.html.j2").render(
+        CHECK_COLUMNS=CHECK_COLUMNS,
+        GLOSSARY=GLOSSARY,
+        LONG=LONG,
+        TASKS=TASKS,
+        counts=counts(sections),
+        failing=[check for section in sections for check in section.checks if not check.holds],
+        is_headline=is_headline,
+        margins=Markup(figures.margins(sections)) if pictures else "",
+        picture=lambda plot: Markup(figures.svg(plot)),
+        pictures=pictures,
+        provenance=provenance(fmu),
         sections=sections,
         style=Markup((FOLDER / "style.css").read_text("utf-8")),
-        provenance=provenance(fmu),
-        failing=[check for section in sections for check in section.checks if not check.holds],
-        picture=(lambda plot: Markup(figures.svg(plot))) if pictures else lambda plot: "",
+        summary=summary,
     )
 
 
@@ -65,22 +86,39 @@ def is_headline(result: Result) -> bool:
 
 def slug(title: str) -> str:
     """Return a title as a part of a file's name."""
-    return re.sub(r"[^a-z0-9.=]+", "-", title.lower()).strip("-.")
+    return re.sub(r"[^a-z0-9.]+", "-", title.lower()).strip("-.")
 
 
-def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV file with a header; numbers keep all their digits."""
+def write_csv(
+    path: Path,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    head: Sequence[tuple[str, str]] = (),
+) -> None:
+    """Write a CSV file with a header, after lines "# name: value" if there is a head; numbers keep all their digits."""
     with path.open("w", newline="", encoding="utf-8") as file:
+        file.writelines(f"# {name}: {value}\n" for name, value in head)
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows(rows)
 
 
 def provenance(fmu: Path) -> str:
-    """Return what was measured where: FMU digest, machine, versions."""
+    """Return what was measured where and when: FMU digest, day, machine, versions."""
     digest = hashlib.sha256(fmu.read_bytes()).hexdigest()
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    day = datetime.now(UTC).date().isoformat()
     return (
-        f"{fmu.name}, SHA-256 {digest}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
-        f"Python {platform.python_version()}, {versions}"
+        f"{fmu.name}, SHA-256 {digest}; {day}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+        f"{_processor()}; Python {platform.python_version()}, {versions}"
     )
+
+
+def _processor() -> str:
+    """Return the model of the processor where the system tells it."""
+    try:
+        text = Path("/proc/cpuinfo").read_text("utf-8")
+    except OSError:
+        return ""
+    model = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
+    return f" ({model[1]})" if model else ""

@@ -13,6 +13,7 @@ from ..checks import Note, Table
 from .cells import CHECK_COLUMNS, cell, check_cells
 from .section import Section
 
+LONG = 50  # rows of a table that is not printed
 WIDTH_OF_FILES = 240  # characters of a line where the output is no terminal
 
 
@@ -29,7 +30,9 @@ def show(section: Section, to: Console) -> None:
     if section.checks:
         to.print(_table(CHECK_COLUMNS[:-1], (check_cells(check)[:-1] for check in section.checks)))
     for result in section.results:
-        if isinstance(result, Table):
+        if isinstance(result, Table) and (len(result.rows) > LONG or not result.shown):
+            to.print(f"\n{result.title}: {len(result.rows)} rows in the report", markup=False)
+        elif isinstance(result, Table):
             to.print("\n" + result.title, markup=False)
             to.print(_table(result.columns, (tuple(map(cell, row)) for row in result.rows)))
         elif isinstance(result, Note):

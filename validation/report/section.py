@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ..checks import Check, Note, Plot, Result, Table
+from ..checks import About, Check, Note, Plot, Result, Table
 
 Kind = TypeVar("Kind", Check, Table, Plot, Note)
 
@@ -30,8 +30,25 @@ class Section:
         return self.of(Check)
 
 
-def summary(sections: Iterable[Section]) -> str:
-    """Return how many checks hold."""
+@dataclass(frozen=True)
+class Count:
+    """How many rows of a kind hold."""
+
+    about: str
+    holding: int
+    rows: int
+
+    def __str__(self) -> str:
+        return f"{self.holding} of {self.rows} rows about {self.about} hold"
+
+
+def counts(sections: Iterable[Section]) -> list[Count]:
+    """Return how many rows hold, those about the FMU and those about formulas apart."""
     checks = [check for section in sections for check in section.checks]
-    holding = sum(check.holds for check in checks)
-    return f"{holding} of {len(checks)} checks hold"
+    by_kind = {about: [check.holds for check in checks if check.about is about] for about in About}
+    return [Count(about.value, sum(holds), len(holds)) for about, holds in by_kind.items() if holds]
+
+
+def summary(sections: Iterable[Section]) -> str:
+    """Return the counts as a line."""
+    return "; ".join(map(str, counts(sections)))

@@ -7,11 +7,10 @@ what else the machine does. The command judges them, too, but no test does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
-from typing import Any, Protocol
+from typing import Protocol
 
 from ..checks import Result
 from ..fmu import Fmu
@@ -53,23 +52,7 @@ class Study:
     races: Sequence[Scene]
 
 
-@dataclass(frozen=True)
-class Judged:
-    """A scene that its module runs."""
-
-    name: str
-    slow: bool
-    run: Callable[[Fmu], Iterator[Result]]
-
-
 def load(name: str) -> Study:
     """Return the study `name`, one of `NAMES`; the others are not imported."""
-    if name == "work_precision":
-        module: Any = import_module(f"..{name}", __package__)
-
-        def scenes(data: Sequence[Any]) -> list[Scene]:
-            return [Judged(scene.name, scene.slow, partial(module.run, scene=scene)) for scene in data]
-
-        return Study(name, module.TITLE, module.FORMULA, scenes(module.SCENES), scenes(module.RACES))
     module = import_module(f".{name}", __package__)
     return Study(name, module.TITLE, module.FORMULA, module.SCENES, getattr(module, "RACES", ()))

@@ -467,7 +467,7 @@ def _picture(
     shown = t <= 10 + scene.step / 2
     error, ratio, change = after_10
     computed = Curve(
-        "formula (28)" if scene.method is None else "FMU",
+        "formula (28)" if scene.method is None else f"FMU, {scene.method.name}",
         t[shown],
         np.degrees(phi[shown]),
         *(("--", "") if scene.step < 0.01 else ("", ".")),

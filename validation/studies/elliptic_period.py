@@ -10,7 +10,7 @@ from math import cos, nan, pi, radians, sin, sqrt, ulp
 import numpy as np
 
 from .. import references
-from ..checks import Check, Curve, Plot, Result, Table, formula
+from ..checks import Check, Curve, Note, Plot, Result, Table, formula
 from ..fmu import W02, Experiment, Fmu, G, SolverMethod, degrees
 from ..metrics import (
     ORDER,
@@ -25,7 +25,7 @@ from ..metrics import (
 )
 from ..references import discrete
 from ..references.methods import METHODS
-from .scene import Scene
+from .scene import Case, Scene
 
 TITLE = "Elliptic period"
 FORMULA = "T = 2*pi/(w0*AGM(1, cos(alpha/2))), Crawford (14) and (20)"
@@ -248,18 +248,92 @@ class FormulaScene(Scene):
                 for degrees, amplitude in zip(AMPLITUDES, amplitudes, strict=True)
             ],
         )
-        shown = np.append(np.linspace(1, 179, 179), AMPLITUDES[-3:])
-        ratio = [references.period(radians(x), G) / (2 * np.pi / sqrt(G)) for x in shown]
-        yield Plot(
-            "Period against amplitude",
-            "amplitude [deg]",
-            "T/T0",
-            [Curve("exact", shown, ratio)],
-        )
 
 
 # Substeps per period where the next term of the error expansion, a relative h*w0*pi for the Euler methods and less
 # for the others, changes the observed order by less than 0.1; rounding is still far below.
+def _curve(fmu: Fmu) -> Iterator[Result]:
+    """Draw the period against the amplitude, and what is wrong with it at the default step."""
+    amplitudes = [radians(amplitude) for amplitude in AMPLITUDES]
+    exact = [references.period(amplitude, G) for amplitude in amplitudes]
+    measured = np.array([measured_period(fmu, amplitude, G, SUBSTEP) for amplitude in amplitudes])
+    errors = np.abs(measured - exact)
+    own = [abs(predicted_error(amplitude, G)) for amplitude in amplitudes]
+    moderate = AMPLITUDES.index(170) + 1
+    yield Note(
+        f"Accuracy: with ExplicitRungeKutta4 and the default step of 1 ms the period of a free swing from 1 to 170 "
+        f"deg is right to {largest(errors[:moderate]):.1e} s, and what is wrong is the method's own error to "
+        f"{largest(np.abs(errors - own)[:moderate]):.0e} s.",
+        headline=True,
+    )
+    small = 2 * pi / sqrt(G)
+    fine = np.append(np.linspace(1, 179, 179), AMPLITUDES[-3:])
+    yield Plot(
+        "Period against amplitude",
+        "amplitude [deg]",
+        "T/T0",
+        [
+            Curve("FMU, RK4", AMPLITUDES, measured / small, "", "o"),
+            Curve("exact", fine, [references.period(radians(x), G) / small for x in fine]),
+        ],
+        note="The period grows without limit towards 180 deg. Below: the error of the FMU is that of RK4; it grows "
+        "where RK4's small loss of energy moves the swing away from the upright position.",
+        below=[
+            Curve("FMU less exact", AMPLITUDES, errors, "", "o"),
+            Curve("RK4, from its discrete motion", AMPLITUDES, own),
+        ],
+        below_label="|error| [s]",
+        below_logarithmic="y",
+    )
+
+
+def _against_step(fmu: Fmu) -> Iterator[Result]:
+    """Draw the error of a period from 30 deg against the step, for every method."""
+    amplitude = radians(30)
+    T = references.period(amplitude, W02)
+    exact = references.libration(np.array([T]), amplitude, W02)
+    curves = []
+    for method in SolverMethod:
+        steps, errors = [], []
+        for n in (25, 50, 100, 200, 400, 800, 1600, 3200):
+            start = degrees(30) | {"solver.method": method, "solver.stepSize": T / n}
+            run = fmu.run(Experiment(T, T, start, record=("phi", "w")))
+            steps.append(T / n)
+            errors.append(state_error(run["phi"][-1:], run["w"][-1:], exact))
+        curves.append(Curve(method.name, steps, errors, "-", "o"))
+    for order in sorted({METHODS[method.name].order for method in SolverMethod}):
+        h = np.array([0.004, 0.04])
+        curves.append(Curve(f"slope {order}", h, 0.3 * (h / 0.04) ** order * 0.1 ** (order - 1), ":"))
+    yield Plot(
+        "Error after a period from 30 deg against the step",
+        "h [s]",
+        "error of the state [rad]",
+        curves,
+        "xy",
+        note="Parallel to the dotted lines, the errors fall with the order of the method, down to rounding at 1e-15.",
+    )
+
+
+def _against_time(fmu: Fmu) -> Iterator[Result]:
+    """Draw RK4's error against time for small and large swings."""
+    curves = []
+    for amplitude in (30, 90, 170):
+        start = degrees(amplitude) | {"solver.stepSize": 0.01}
+        run = fmu.run(Experiment(100.0, 0.05, start, record=("phi", "w")))
+        exact = references.libration(run.t, radians(amplitude), W02)
+        error = np.hypot(run["phi"] - exact[0], (run["w"] - exact[1]) / sqrt(W02))
+        curves.append(Curve(f"from {amplitude} deg", run.t[1:], error[1:]))
+    yield Plot(
+        "Error of RK4 with h = 10 ms against time",
+        "t [s]",
+        "error of the state [rad]",
+        curves,
+        "xy",
+        note="The lag grows like h^4*t. RK4 also loses energy, which changes the period of large swings: that error "
+        "grows like h^5*t^2, and from 90 deg the two cancel for a while.",
+    )
+
+
 SUBSTEPS = {
     SolverMethod.ExplicitEuler: 2000,
     SolverMethod.ImplicitEuler: 2000,
@@ -269,6 +343,9 @@ SUBSTEPS = {
 
 SCENES = (
     FormulaScene(),
+    Case("period curve", _curve),
+    Case("error against step", _against_step),
+    Case("error against time", _against_time),
     *(PeriodScene(amplitude, g) for g in GRAVITIES for amplitude in AMPLITUDES),
     PhaseScene(),
     *(OrderScene(method, amplitude, n) for method, n in SUBSTEPS.items() for amplitude in (30, 90)),

@@ -1,7 +1,5 @@
 """The interface of the hardening spring as tables."""
 
-from __future__ import annotations
-
 from fmi.rows import SOLVER_METHODS, second_order, types_of, units_of
 from fmi.tables import FINITE, NOT_NEGATIVE, POSITIVE, Experiment, Interface, Type, Unit, Variable
 

@@ -8,15 +8,7 @@
 
 #include "model.h"
 
-static const Facts MODEL = {.x = VR_x,
-                            .v = VR_v,
-                            .a = VR_a,
-                            .x_start = VR_x_start,
-                            .v_start = VR_v_start,
-                            .input = VR_F,
-                            .rest = 0.0,
-                            .system = "spring",
-                            .cause = "force"};
+static const double MODEL_REST = 0.0; /* [m] */
 
 struct Model {
     double m, k, k3;                     /* mass [kg], stiffness [N/m], hardening [N/m3] */

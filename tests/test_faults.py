@@ -1,0 +1,117 @@
+"""Rows about the FMU break when it does: faults at the border between validation and FMU, and what they break."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from validation import faults, studies
+from validation.checks import About
+from validation.fmu import Experiment, Fmu
+
+STUDIES = [name for name in studies.NAMES if name not in faults.UNTOUCHED]
+NAMES = {fault.name for fault in faults.FAULTS}
+DRAG = {"gamma x (1 + 1e-3)", "m x (1 + 1e-3)"}
+TORQUE = {"tau x (1 + 1e-6)", "tau late by a step"}
+MESSAGES = {"messages lost"}
+# What a study does not use: faults of it change nothing there.
+UNUSED = {
+    "elliptic_period": {*DRAG, *TORQUE, *MESSAGES, "NaN in E"},
+    "impulse_response": {*MESSAGES, "NaN in w", "NaN in a", "NaN in E"},
+    "trajectory": {*DRAG, *TORQUE, *MESSAGES, "NaN in a", "NaN in E"},
+    "crawford": {"gamma x (1 + 1e-3)", *TORQUE, *MESSAGES, "substep x 1.1", "NaN in w", "NaN in a"},
+    "grillo": {*MESSAGES, "NaN in a", "NaN in E"},
+    "errata": {*TORQUE, *MESSAGES, "NaN in a"},
+    "stability": {*TORQUE, "NaN in a"},
+    "stiff_extreme": set(),
+}
+RK4_ROWS = ("elliptic_period", "trajectory", "crawford")
+
+
+@pytest.fixture(scope="module")
+def native(native_path: Path) -> Iterator[Fmu]:
+    with Fmu(native_path) as fmu:
+        yield fmu
+
+
+@pytest.fixture(scope="module")
+def injected(native: Fmu) -> dict[str, list[faults.Injected]]:
+    """Return what was done to the studies so far; each is put to the test once."""
+    return {}
+
+
+def done(native: Fmu, injected: dict[str, list[faults.Injected]], name: str) -> list[faults.Injected]:
+    if name not in injected:
+        injected[name] = [faults.inject(native, scene) for scene in studies.load(name).scenes]
+    return injected[name]
+
+
+def test_every_study_but_that_of_run_times_is_put_to_the_test() -> None:
+    assert set(UNUSED) == set(STUDIES)
+    assert set().union(*UNUSED.values()) <= NAMES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_row_about_the_fmu_breaks_and_no_other(
+    native: Fmu, injected: dict[str, list[faults.Injected]], name: str
+) -> None:
+    scenes = done(native, injected, name)
+    assert sum(len(scene.rows) for scene in scenes) > 0
+    assert [row for scene in scenes for row in scene.unbroken] == []
+    assert [row for scene in scenes for row in scene.moved] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_fault_breaks_rows_of_every_study_it_can_reach(
+    native: Fmu, injected: dict[str, list[faults.Injected]], name: str
+) -> None:
+    scenes = done(native, injected, name)
+    noticed = {fault for scene in scenes for fault, rows in scene.broken.items() if rows}
+    assert noticed >= NAMES - UNUSED[name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STUDIES)
+def test_what_is_no_number_breaks_every_row_that_reads_it(
+    native: Fmu, injected: dict[str, list[faults.Injected]], name: str
+) -> None:
+    for scene in done(native, injected, name):
+        read = {row for fault, rows in scene.broken.items() if fault.startswith("NaN") for row in rows}
+        assert set(scene.rows) - read <= set(scene.broken["messages lost"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RK4_ROWS)
+def test_no_row_of_rk4_survives_twice_the_substep(
+    native: Fmu, injected: dict[str, list[faults.Injected]], name: str
+) -> None:
+    for scene in done(native, injected, name):
+        assert set(scene.broken["substep x 2"]) == set(scene.rows)
+
+
+def test_the_faulty_fmu_is_the_fmu_without_a_fault(native: Fmu) -> None:
+    experiment = Experiment(1.0, 0.1, {"phi_start": 1.0}, torque=lambda t: t, record=("phi", "w"))
+    run = faults.Faulty(native, faults.Fault("none"), {}).run(experiment)
+    again = native.run(experiment)
+    assert run["phi"].tobytes() == again["phi"].tobytes()
+    assert run["w"].tobytes() == again["w"].tobytes()
+
+
+def test_a_late_torque_is_that_of_the_step_before() -> None:
+    late = faults.late_torque(Experiment(0.3, 0.1, torque=lambda t: 1.0 + t)).torque
+    assert late is not None
+    assert [late(t) for t in (0.0, 0.1, 0.2)] == [0.0, 1.0, 1.1]
+
+
+def test_a_dropped_step_repeats_the_output_before_it(native: Fmu) -> None:
+    healthy = native.run(Experiment(0.4, 0.1))["phi"].tolist()
+    fault = next(fault for fault in faults.FAULTS if fault.name == "one step dropped")
+    faulty = faults.Faulty(native, fault, {}).run(Experiment(0.4, 0.1))["phi"].tolist()
+    assert faulty == [*healthy[:2], *healthy[1:4]]
+
+
+def test_every_study_has_rows_about_the_fmu(native: Fmu) -> None:
+    scene = studies.load("trajectory").scenes[0]
+    assert {row.about for row in faults._rows(native, scene).values()} == {About.FMU}

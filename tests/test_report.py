@@ -1,0 +1,171 @@
+"""The page of the report: what it says, how it is built, and how a browser shows it."""
+
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from math import nan
+from pathlib import Path
+
+import pytest
+
+from validation import studies
+from validation.checks import Check, Curve, Note, Plot, Table, formula
+from validation.documents import coverage
+from validation.report import cells, page
+from validation.report.section import Section, summary
+
+VOID = {"meta", "br", "img", "link", "hr"}
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+class Reader(HTMLParser):
+    """Collects elements, and complains about ends without a beginning."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.tags: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        named = dict(attrs)
+        if named.get("id"):
+            self.ids.append(str(named["id"]))
+        if tag == "a":
+            self.links.append(str(named["href"]))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+SECTIONS = [
+    Section(
+        "good",
+        "A study: of good rows",
+        "a < b & c",
+        [
+            Check("small", 1.5e-12, 2.5e-12, "theory", "s"),
+            formula("a formula", 0.0, 1e-15, "digits"),
+            Note("Accuracy: very good.", headline=True),
+            Table("A long table", ("x", "y"), [(i, i / 7) for i in range(20)]),
+            Plot(
+                "A picture",
+                "x",
+                "y",
+                [Curve("FMU", [1, 2], [3, 4])],
+                note="What to see.",
+                below=[Curve("error", [1, 2], [1e-3, 1e-4])],
+                below_label="error",
+                below_logarithmic="y",
+            ),
+        ],
+    ),
+    Section("bad", "A study that fails", "x", [Check("no number", nan, 1.0, "theory")]),
+]
+
+
+@pytest.fixture(scope="module")
+def text(fmu_path: Path) -> str:
+    return page.render(SECTIONS, fmu_path, pictures=True)
+
+
+@pytest.fixture(scope="module")
+def reader(text: str) -> Reader:
+    reader = Reader()
+    reader.feed(text)
+    reader.close()
+    return reader
+
+
+def test_every_element_is_closed_and_every_name_stands_once(reader: Reader) -> None:
+    assert reader.open == []
+    assert len(reader.ids) == len(set(reader.ids))
+
+
+def test_links_of_the_contents_reach_their_place(reader: Reader) -> None:
+    assert reader.links
+    assert all(link.startswith("#") and link[1:] in reader.ids for link in reader.links)
+
+
+def test_the_verdict_is_in_two_counts(text: str) -> None:
+    assert "<b>1 of 2</b> rows about the FMU hold" in text
+    assert "<b>1 of 1</b> rows about the documents and formulas hold" in text
+    assert summary(SECTIONS[:1]) == (
+        "1 of 1 rows about the FMU hold; 1 of 1 rows about the documents and formulas hold"
+    )
+
+
+def test_failing_rows_come_first_and_open(text: str) -> None:
+    assert text.index("Failing rows") < text.index("Accuracy: very good.") < text.index("a &lt; b &amp; c")
+    bad = text[text.index('id="bad"') :]
+    assert "<details open>" in bad
+    assert "<details open>" not in text[text.index('id="good"') : text.index('id="bad"')]
+
+
+def test_long_tables_are_folded_and_pictures_have_captions(text: str) -> None:
+    assert re.search(r"<details><summary>A long table", text)
+    assert "<figcaption>What to see.</figcaption>" in text
+
+
+def test_a_page_needs_nothing_but_itself(text: str, reader: Reader) -> None:
+    assert not {"script", "link", "img", "iframe"} & set(reader.tags)
+    assert not re.search(r'(?:src|href)="https?://', re.sub(r'xmlns[^"]*"[^"]*"', "", text))
+
+
+def test_a_page_is_the_same_the_second_time(text: str, fmu_path: Path) -> None:
+    assert page.render(SECTIONS, fmu_path, pictures=True) == text
+
+
+def test_numbers_do_not_break_at_their_exponent(text: str) -> None:
+    assert '<td class="number">1.5e-12</td>' in text
+    assert "td.number { white-space: nowrap" in text
+    assert cells.is_number("1e-3")
+    assert not cells.is_number("1 s")
+
+
+def test_files_are_named_for_what_they_hold() -> None:
+    assert page.slug("Relative errors of K(k), k = sin(alpha/2)") == "relative-errors-of-k-k-k-sin-alpha-2"
+
+
+def test_every_formula_of_the_documents_has_its_study_or_a_reason() -> None:
+    for _, where in (*coverage.CRAWFORD, *coverage.GRILLO):
+        first = re.match(r"\w+", where)
+        assert first
+        assert first[0] in (*studies.NAMES, "none", "all")
+
+
+@pytest.mark.parametrize("width", [1200, 400])
+def test_nothing_is_wider_than_the_window(text: str, tmp_path: Path, width: int) -> None:
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        pytest.skip(f"no browser: {', '.join(BROWSERS)}")
+    probe = "<script>document.title = document.documentElement.scrollWidth</script></body>"
+    (tmp_path / "page.html").write_text(text.replace("</body>", probe), "utf-8")
+    done = subprocess.run(
+        [
+            browser,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            f"--window-size={width},900",
+            "--dump-dom",
+            (tmp_path / "page.html").as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    title = re.search(r"<title>(\d+)</title>", done.stdout)
+    assert title
+    assert int(title[1]) <= width

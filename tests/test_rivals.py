@@ -1,0 +1,150 @@
+"""The rivals solve the same equation as the FMU, and the answers that they are held against are exact."""
+
+from dataclasses import replace
+from functools import partial
+from math import sqrt
+
+import numpy as np
+import pytest
+from mpmath import mp
+
+from validation import references
+from validation.fmu import W02, Experiment, Fmu
+from validation.race import carriers, compiler, contest, rivals, scenes
+from validation.race.rivals import PYTHON_RIVALS, Solver
+from validation.race.scenes import DAMPED, LONG, PULSE, ROTATION, STIFF, UNDAMPED, Scene, exact
+
+SHORT = replace(DAMPED, stop=2.0, points=2)
+
+
+def compiled(name: str) -> Solver:
+    found = list(rivals.compiled_rivals())
+    solver = next((rival for rival in found if isinstance(rival, Solver) and rival.name == name), None)
+    if solver is None:
+        pytest.skip("; ".join(text for text in found if isinstance(text, str)))
+    return solver
+
+
+@pytest.mark.parametrize("scene", [SHORT, PULSE, replace(STIFF, stop=0.02, points=2)], ids=lambda s: s.name)
+@pytest.mark.parametrize("name", [*(rival.name for rival in PYTHON_RIVALS), "heyoka", "odeint, f in C"])
+def test_a_rival_solves_the_equation(name: str, scene: Scene) -> None:
+    rival = next((rival for rival in PYTHON_RIVALS if rival.name == name), None) or compiled(name)
+    outcome = rival.prepare(scene, 1e-9, 10.0)()
+    assert outcome.failure == ""
+    # A tolerance is that of a step; a hundredfold is left for what the steps add up to.
+    assert contest.errors(scene, outcome).largest <= 1e-7
+
+
+def test_a_rival_that_is_too_slow_is_cut_off() -> None:
+    radau = next(rival for rival in PYTHON_RIVALS if rival.name == "Radau")
+    outcome = radau.prepare(UNDAMPED[0], 1e-9, 1e-3)()
+    assert outcome.failure == "cut off at 0.001 s"
+    assert np.isnan(contest.errors(UNDAMPED[0], outcome).largest)
+
+
+def test_heyoka_is_cut_off_by_its_steps() -> None:
+    assert "cut off" in compiled("heyoka").prepare(UNDAMPED[0], 1e-9, 1e-6)().failure
+
+
+@pytest.mark.parametrize("scene", [UNDAMPED[0], DAMPED, PULSE], ids=lambda scene: scene.name)
+def test_the_right_hand_side_in_c_is_that_in_python(scene: Scene) -> None:
+    try:
+        f = rivals.compiled(scene)
+    except compiler.NoCompilerError as error:
+        pytest.skip(str(error))
+    g = rivals.in_python(scene)
+    for t, phi, w in ((0.0, 0.5, -2.0), (3.9, -3.0, 1e-3), (4.2, 40.0, 7.0)):
+        y = np.array([phi, w])
+        # Two sums of three terms, each rounded a few times.
+        size = scene.k2 * abs(w) + W02
+        assert f(t, y)[0] == g(t, y)[0] == w
+        assert f(t, y)[1] == pytest.approx(g(t, y)[1], rel=0, abs=4 * 2.3e-16 * size)
+
+
+def test_the_jacobian_is_the_derivative_of_the_right_hand_side() -> None:
+    f, y, h = rivals.in_python(DAMPED), np.array([0.7, -1.1]), 1e-5
+    columns = [(np.array(f(0.0, y + h * e)) - np.array(f(0.0, y - h * e))) / (2 * h) for e in np.eye(2)]
+    # Central differences: h^2/6 times the third derivative, and rounding by 1e-16*10/h.
+    assert np.array(rivals.jacobian(DAMPED)(0.0, y)) == pytest.approx(np.array(columns).T, rel=0, abs=1e-9)
+
+
+def test_without_headers_or_a_compiler_the_rival_is_left_out_with_a_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def none(*_: object) -> None:
+        raise compiler.NoCompilerError("no C compiler (cc, gcc, clang)")
+
+    monkeypatch.setattr(rivals, "_compiled_module", none)
+    monkeypatch.setattr(rivals, "find_spec", lambda name: None)
+    assert list(rivals.compiled_rivals()) == [
+        "heyoka is left out: pip install '.[peers]'",
+        "SciPy's odeint with a right-hand side in C is left out: no C compiler (cc, gcc, clang)",
+    ]
+
+
+# References
+
+
+@pytest.mark.parametrize("scene", UNDAMPED, ids=lambda scene: scene.name)
+def test_undamped_references_agree_with_elliptic_functions(scene: Scene) -> None:
+    phi, w = references.motion(scene.grid, scene.phi0, scene.rate0, W02)
+    # An ulp of the amplitude, as far as the period depends on it, 6 rad/s at most; and a few ulps of w0*t.
+    slope = references.period_slope(scene.phi0, W02) / references.period(scene.phi0, W02)
+    bound = 6.3 * scene.stop * (4.5e-16 * slope + 4 * 2.3e-16)
+    assert np.max(np.abs(exact(scene)[0] - phi)) <= bound
+    assert np.max(np.abs(exact(scene)[1] - w)) <= sqrt(W02) * bound
+
+
+def test_the_angle_of_the_rotation_grows_by_whole_turns() -> None:
+    k = ROTATION.rate0 / (2 * sqrt(W02))
+    with mp.workdps(30):
+        turn = float(2 * mp.ellipk(mp.mpf(1) / mp.mpf(k) ** 2) / (mp.mpf(k) * mp.sqrt(W02)))
+    scene = replace(ROTATION, stop=3 * turn, points=3)
+    assert exact(scene)[0] == pytest.approx([0, *(2 * np.pi * n for n in (1, 2, 3))], rel=0, abs=1e-13)
+
+
+def test_the_thousandth_period_ends_where_it_began() -> None:
+    phi, w = exact(LONG)
+    # 1000*2*pi rad of phase, each known to a few ulps.
+    bound = 1000 * 2 * np.pi * 4 * 2.3e-16
+    assert abs(phi[-1] - LONG.phi0) <= bound
+    assert abs(w[-1]) <= sqrt(W02) * bound
+    assert bound <= LONG.targets[-1] / 10
+
+
+def test_the_polynomial_of_the_drive_is_its_cubic_about_the_middle() -> None:
+    drive, n, h = scenes.Gaussian(2.0, 4.0, 0.09), 37, 0.1
+    t = n * h
+    d0, d1, d2, d3 = drive.polynomials(h, n + 1)[n]
+    with mp.workdps(30):
+        taylor = mp.taylor(lambda x: 2 * mp.exp(-((x - 4) ** 2) / (2 * mp.mpf("0.09"))), mp.mpf(t + h / 2), 3)
+        for s in (0.0, 0.05, 0.1):
+            expected = float(sum(c * (mp.mpf(s) - mp.mpf(h) / 2) ** k for k, c in enumerate(taylor)))
+            assert d0 + s * (d1 + s * (d2 / 2 + s * d3 / 6)) == pytest.approx(expected, rel=1e-12, abs=0)
+
+
+# The host in C
+
+
+@pytest.mark.parametrize("carrier", ["native"], indirect=True, scope="session")
+def test_the_host_in_c_gives_the_bits_of_that_in_python(fmu_path: object, carrier: str) -> None:
+    try:
+        host = carriers.compiled_host()
+    except compiler.NoCompilerError as error:
+        pytest.skip(str(error))
+    held = Experiment(2.0, 0.1, {"gamma": 0.5}, lambda t: 0.3, ("phi", "w"))
+    constant = replace(held, inputs=np.tile([0.3, 0.0, 0.0, 0.0], (20, 1)))
+    with Fmu(fmu_path) as fmu:  # type: ignore[arg-type]
+        ours, theirs = fmu.run_in(host, constant), fmu.run(held)
+        lost = fmu.run_in(host, Experiment(1.0, 0.1, {"gamma": 1e6}, record=("phi", "w")))
+    assert (ours["phi"] == theirs["phi"]).all()
+    assert (ours["w"] == theirs["w"]).all()
+    assert lost.failure
+    assert np.isnan(lost["phi"][-1])
+
+
+def test_a_driven_scene_is_recorded_on_its_grid_alone(fmu_path: object) -> None:
+    with Fmu(fmu_path) as fmu:  # type: ignore[arg-type]
+        prepare = partial(carriers.solvers(fmu)[2].prepare, PULSE)
+        outcome = prepare(4, 1.0)()
+    assert len(outcome.phi) == len(PULSE.grid)

@@ -1,0 +1,92 @@
+"""The methods of an FMU as solvers of a race."""
+
+from __future__ import annotations
+
+import ctypes
+import tempfile
+from functools import cache, partial
+from pathlib import Path
+
+from ..fmu import Experiment, Fmu, Host, SolverMethod
+from .compiler import NoCompilerError, shared_library
+from .rivals import Outcome, Run, Solver
+from .scenes import Scene
+
+FMU = "FMU"
+MOST_SUBSTEPS = 20  # power of two, of those in a communication step
+CUT_OFF = {False: 0.1, True: 0.01}  # [s], by whether the FMU is native
+
+
+@cache
+def solvers(fmu: Fmu) -> tuple[Solver, ...]:
+    """Return the methods of the FMU as solvers, accurate by their number of substeps in a communication step."""
+    return tuple(
+        Solver(
+            method.name,
+            FMU,
+            tuple(2**k for k in range(MOST_SUBSTEPS + 1)),
+            partial(_prepare, fmu, method),
+            counts_substeps=True,
+            cut_off=CUT_OFF[fmu.native],
+        )
+        for method in SolverMethod
+    )
+
+
+@cache
+def compiled_host() -> Host:
+    """Return the host in C.
+
+    Raises
+    ------
+    NoCompilerError : there is no C compiler, or it fails
+    """
+    source = Path(__file__).resolve().parent / "host.c"
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        run = ctypes.CDLL(str(shared_library(source, Path(folder)))).run
+    pointer, size = ctypes.c_void_p, ctypes.c_size_t
+    run.argtypes = [pointer] * 5 + [size, pointer, size, pointer, pointer, ctypes.c_uint, pointer]
+    run.restype = size
+    host: Host = run
+    return host
+
+
+def host_of(fmu: Fmu) -> Host | None:
+    """Return what runs the FMU: a host in C for the native one, if there is a compiler; else that in Python."""
+    try:
+        return compiled_host() if fmu.native else None
+    except NoCompilerError:
+        return None
+
+
+def experiment(scene: Scene, method: int, substeps: float) -> Experiment:
+    """Return the run with so many substeps in a communication step.
+
+    With a drive the communication step is the substep. The torque is that of its middle, held, or in a host in C, which
+    sets derivatives of the input, a cubic.
+    """
+    h = scene.step / substeps
+    start = {**scene.start, "solver.method": method, "solver.stepSize": h}
+    record = ("phi", "w")
+    if (drive := scene.drive) is None:
+        return Experiment(scene.stop, scene.step, start, record=record)
+    return Experiment(
+        scene.stop,
+        h,
+        start,
+        lambda t: drive(t + h / 2),
+        record,
+        inputs=drive.polynomials(h, round(scene.stop / h)),
+    )
+
+
+def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float, _: float) -> Run:
+    prepared, host = experiment(scene, method, substeps), host_of(fmu)
+    stride = 1 if scene.drive is None else int(substeps)
+
+    def run() -> Outcome:
+        done = fmu.run(prepared) if host is None else fmu.run_in(host, prepared)
+        failure = "diverged" if done.failure else ""
+        return Outcome(done.seconds, done["phi"][::stride], done["w"][::stride], done.nfev, failure)
+
+    return run

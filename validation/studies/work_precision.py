@@ -1,0 +1,561 @@
+"""Error against work: orders, floors and limits of the methods, and their race against other integrators.
+
+The rows of SCENES are about errors, those of RACES about run times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+from math import exp, inf, log10, nan, pi, radians, sqrt, ulp
+from pathlib import Path
+
+import numpy as np
+
+from .. import loops, races, references
+from ..checks import Check, Note, Result, Table
+from ..fmu import METHOD_NAMES, W0, W02, Experiment, Fmu, Run, SolverMethod
+from ..loops import Loop
+from ..metrics import observed_order, state_error
+from ..race import carriers, contest, show
+from ..race.compiler import NoCompilerError
+from ..race.judging import GOALS, GROUPS, raced, rivals
+from ..race.machine import provenance
+from ..race.rivals import HEYOKA, heyoka_to_the_end
+from ..race.scenes import SCENES as RACED
+from ..race.scenes import UNDAMPED
+from ..race.scenes import Scene as RaceData
+from ..races import Claim, clock
+from ..references import taylor
+from ..references.methods import METHODS
+from .scene import Case, Scene
+
+TITLE = "Error against work"
+FORMULA = (
+    "error = |(phi, w/w0) - exact|; run times are those of the processor, medians of rounds that all share"
+)
+
+EULER, MIDPOINT, RK4 = (
+    SolverMethod.ExplicitEuler,
+    SolverMethod.ExplicitMidPoint2,
+    SolverMethod.ExplicitRungeKutta4,
+)
+EXPLICIT = (EULER, MIDPOINT, RK4, SolverMethod.TaylorSeries)
+REAL_LIMITS = {EULER: 2.0, MIDPOINT: 2.0, RK4: 2.7852935634, SolverMethod.TaylorSeries: 7.3243335628}
+
+Exact = Callable[[Sequence[float]], references.State]
+
+
+# Errors
+
+
+@dataclass(frozen=True)
+class Point:
+    """A run: step size [s], errors, time [s], evaluations; the errors are inf where it diverged."""
+
+    label: float
+    error: float
+    largest: float
+    seconds: float
+    nfev: int
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class WorkScene(Scene):
+    """A motion with its exact answer.
+
+    Attributes
+    ----------
+    start : start values that differ from the defaults
+    stop, step : end and communication step [s]; with a torque the communication step is the substep itself
+    exact : phi and w at given times
+    k2 : damping rate [1/s]
+    drive : drive [1/s2] as a function of time; the FMU gets it sampled in the middle of each step
+    scale : what errors are relative to [rad]
+    slopes : methods whose order shows over the whole run: method -> k compares h = 2^-k s with h/2
+    floors : methods judged by rounding: method -> k of a step of truncation errors, k of the finest step
+    limits : methods judged by their stability limit: method -> range of k
+    """
+
+    TITLE = "{0.title}"
+
+    title: str
+    start: Mapping[str, float]
+    stop: float
+    step: float
+    exact: Exact
+    k2: float = 0.0
+    drive: Callable[[float], float] | None = None
+    scale: float = 1.0
+    slopes: Mapping[int, int] = field(default_factory=dict)
+    floors: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    limits: Mapping[int, range] = field(default_factory=dict)
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield the rows of orders, floors and limits."""
+        for method, k in self.slopes.items():
+            yield self._slope(fmu, method, k)
+        for method, (coarse, fine) in self.floors.items():
+            yield self._floor(method, self.point(fmu, method, coarse), self.point(fmu, method, fine))
+        for method, exponents in self.limits.items():
+            yield self.divergence(method, [self.point(fmu, method, k) for k in exponents])
+
+    def point(self, fmu: Fmu, method: int, k: int) -> Point:
+        """Return errors of a run of the FMU with substeps of at most 2^-k s."""
+        h = 2.0**-k
+        start = {**self.start, "solver.method": method, "solver.stepSize": h}
+        drive = self.drive
+        if drive is None:
+            experiment = Experiment(self.stop, self.step, start, record=("phi", "w"))
+        else:
+            experiment = Experiment(self.stop, h, start, lambda t: drive(t + h / 2), ("phi", "w"))
+        run = fmu.run(experiment)
+        return Point(h, *self._errors(run), run.seconds, run.nfev, run.failure)
+
+    def _errors(self, run: Run) -> tuple[float, float]:
+        if run.failure:
+            return inf, inf
+        points = np.unique(np.linspace(0, len(run.t) - 1, 50, dtype=int))
+        t, phi, w = run.t[points], run["phi"][points], run["w"][points]
+        exact = self.exact(t.tolist())
+        last = (exact[0][-1:], exact[1][-1:])
+        return state_error(phi[-1:], w[-1:], last) / self.scale, state_error(phi, w, exact) / self.scale
+
+    def _slope(self, fmu: Fmu, method: int, k: int) -> Check:
+        coarse, fine = self.point(fmu, method, k), self.point(fmu, method, k + 1)
+        order = observed_order(coarse.largest, fine.largest)
+        expected = METHODS[METHOD_NAMES[method]].order if self.drive is None else 2
+        reason = f"observed {order:.3f}, theory {expected}" + (
+            ", from holding the input" if self.drive else ""
+        )
+        return Check(f"slope of {METHOD_NAMES[method]}, {self.name}", abs(order - expected), 0.1, reason)
+
+    def _floor(self, method: int, reference: Point, finest: Point) -> Check:
+        """Return the row of the round-off floor: the finest step's error against truncation and a random walk.
+
+        Each substep rounds the state once, by at most half an ulp. A change of the amplitude also changes the period,
+        and the phase then runs away with the time.
+        """
+        amplitude = self.start.get("phi_start", pi / 6)
+        T = references.period(amplitude, W02)
+        runaway = 2 * pi * PERIODS * amplitude * references.period_slope(amplitude, W02) / T
+        order = METHODS[METHOD_NAMES[method]].order
+        truncation = reference.largest * (finest.label / reference.label) ** order
+        walk = sqrt(self.stop / finest.label) * ulp(amplitude) / 2
+        bound = 1.5 * truncation + 3 * walk * (1 + runaway)
+        reason = (
+            f"1.5 x h^{order} error {truncation:.1e} + 3 sigma of {walk:.1e} rad, x {1 + runaway:.1f}: phase"
+        )
+        return Check(
+            f"round-off floor of {METHOD_NAMES[method]}, {self.name}", finest.largest, bound, reason, "rad"
+        )
+
+    def divergence(self, method: int, points: Sequence[Point]) -> Check:
+        """Return the row that runs beyond the stability limit, and no others, fail or end with an error above 1."""
+        limit = REAL_LIMITS[SolverMethod(method)] / self.k2
+        right = sum(point.error > 1 if point.label > limit else point.error <= 1 for point in points)
+        return Check(
+            f"{METHOD_NAMES[method]} is lost beyond its limit, and only there; {self.name}",
+            len(points) - right,
+            0,
+            f"real stability limit {limit:.3e} s; {len(points)} runs, those on the wrong side",
+        )
+
+
+def _taylor(angle: float, k2: float) -> Exact:
+    @cache
+    def at(times: tuple[float, ...]) -> references.State:
+        return taylor.motion(times, angle, 0.0, k2, W02)
+
+    return lambda t: at(tuple(t))
+
+
+def _libration(angle: float) -> Exact:
+    return lambda t: references.libration(t, radians(angle), W02)
+
+
+def _overdamped(k2: float) -> Exact:
+    """Return the slow motion from 90 deg at rest, tan(phi/2) = exp(-w02*t/k2), to a relative w02/k2^2."""
+
+    def at(t: Sequence[float]) -> references.State:
+        phi = 2 * np.arctan(np.exp(-W02 / k2 * np.asarray(t)))
+        return phi, np.where(np.asarray(t) > 0, -W02 / k2 * np.sin(phi), 0.0)
+
+    return at
+
+
+SMALL = 1e-9  # amplitude of the linear scenes [rad]
+PULSE = {"center": 4.0, "variance": 0.09}  # of the Gaussian drive: [s], [s2]
+PERIODS = 10
+
+# Slopes are read where h is so small that the next term of the error expansion changes them by less than 0.1: the
+# amplitude error of the Euler methods, pi*h*w0 a period, is then below 0.1 over the whole run.
+SLOPES: Mapping[int, int] = {
+    EULER: 13,
+    MIDPOINT: 9,
+    RK4: 7,
+    SolverMethod.ImplicitEuler: 12,
+    SolverMethod.ImplicitTrapezoid: 9,
+    SolverMethod.TRBDF2: 9,
+    SolverMethod.SDIRK4: 7,
+}
+
+SCENES: tuple[Scene, ...] = (
+    WorkScene(
+        "undamped 30 deg, 10 periods",
+        {"gamma": 0.0},
+        PERIODS * references.period(radians(30), W02),
+        1.0,
+        _libration(30),
+        slopes=SLOPES,
+        floors={RK4: (8, 12), SolverMethod.TaylorSeries: (1, 4)},
+    ),
+    WorkScene(
+        "undamped 90 deg, 10 periods",
+        {"gamma": 0.0, "phi_start": radians(90)},
+        PERIODS * references.period(radians(90), W02),
+        1.0,
+        _libration(90),
+        floors={RK4: (8, 12), SolverMethod.TaylorSeries: (2, 5)},
+    ),
+    WorkScene(
+        "damped nonlinear 170 deg, k2 = 0.5/s, 10 s",
+        {"gamma": 0.5, "phi_start": radians(170)},
+        10.0,
+        1.0,
+        _taylor(radians(170), 0.5),
+        k2=0.5,
+        slopes={MIDPOINT: 10, RK4: 8, SolverMethod.TRBDF2: 10, SolverMethod.SDIRK4: 8},
+    ),
+    WorkScene(
+        "impulse response, k2 = 0.002/s, 20 s",
+        {"phi_start": 0.0, "w_start": SMALL * W0},
+        20.0,
+        1.0,
+        lambda t: references.free_evolution(t, 0.0, SMALL * W0, 0.002, W02),
+        k2=0.002,
+        scale=SMALL,
+        slopes={**SLOPES, SolverMethod.TaylorSeries: 0},
+    ),
+    WorkScene(
+        "Gaussian pulse through tau, k2 = 0.5/s, 8 s",
+        {"phi_start": 0.0, "gamma": 0.5},
+        8.0,
+        1.0,
+        lambda t: references.gaussian_response(t, SMALL * W02, **PULSE, k2=0.5, w02=W02, start=0.0),
+        k2=0.5,
+        drive=lambda t: SMALL * W02 * exp(-((t - PULSE["center"]) ** 2) / (2 * PULSE["variance"])),
+        scale=SMALL,
+        slopes={RK4: 7, SolverMethod.SDIRK4: 7, SolverMethod.TaylorSeries: 7},
+    ),
+    WorkScene(
+        "stiff, k2 = 1e3/s, 90 deg, 1 s",
+        {"gamma": 1e3, "phi_start": radians(90)},
+        1.0,
+        1.0,
+        _taylor(radians(90), 1e3),
+        k2=1e3,
+        limits={
+            EULER: range(7, 16),
+            MIDPOINT: range(7, 14),
+            RK4: range(7, 14),
+            SolverMethod.TaylorSeries: range(5, 12),
+        },
+    ),
+    WorkScene(
+        "stiff, k2 = 1e6/s, 90 deg, 2^17 s",
+        {"gamma": 1e6, "phi_start": radians(90)},
+        2.0**17,
+        2.0**14,
+        _overdamped(1e6),
+        k2=1e6,
+        slopes={SolverMethod.ImplicitEuler: -8, SolverMethod.TRBDF2: -11, SolverMethod.SDIRK4: -12},
+        limits={
+            EULER: range(17, 19),
+            MIDPOINT: range(17, 19),
+            RK4: range(17, 19),
+        },
+    ),
+)
+
+
+# Races
+
+
+@dataclass(frozen=True)
+class RaceScene(Scene):
+    """The race of the methods and their rivals over a motion."""
+
+    TITLE = "race: {0.data.name}"
+
+    data: RaceData
+
+    def run(self, fmu: Fmu) -> Iterator[Result]:
+        """Yield who is the fastest to which error, all runs, and pictures."""
+        for reason in rivals(fmu.native)[1]:
+            yield Note(f"{reason[0].upper()}{reason[1:]}.")
+        yield show.fastest(fmu, self.data)
+        yield show.everything(fmu, self.data)
+        yield show.against_time(fmu, self.data)
+        yield show.against_evaluations(fmu, self.data)
+
+
+SUBSTEP = 0.01  # of the races of substeps [s]
+# Of such a race, all in one communication step: so many that a call of the native FMU is 5 percent of it or less.
+SUBSTEPS = {SolverMethod.TaylorSeries: 500, SolverMethod.SDIRK4: 1000}
+MANY = 5000  # of the others
+TORQUE = 0.1  # lets every term of the equation act [N.m]
+LOOP_NAMES = {False: "bare loop in Python", True: "bare loop in C"}  # by whether the FMU is native
+NO_SLOWER_THAN = {False: 1.4, True: 1.25}  # a substep of the FMU in units of that of the bare loop
+NATIVE_FASTER_BY = 10.0
+FEW = 100  # substeps in a communication step
+NATIVE_FASTER_BY_WITH_FEW = 7.0
+SPEND = 2e-3  # of each runner in a round [s]
+
+
+def _carrier(native: bool) -> str:
+    return "native FMU" if native else "FMU"
+
+
+def _beside(fmu: Fmu) -> Path:
+    """Return where the FMU that carries the same model otherwise lies, if it was built."""
+    return fmu.path.with_name("DampedPendulum.fmu" if fmu.native else "DampedPendulumNative.fmu")
+
+
+@cache
+def substeps(fmu: Fmu) -> tuple[Result, ...]:
+    """Return a substep of each method in the FMUs against bare loops, and one carrier against the other."""
+    return tuple(_substeps(fmu))
+
+
+def _substeps(fmu: Fmu) -> Iterator[Result]:
+    with ExitStack() as stack:
+        fmus = {fmu.native: fmu}
+        bare: dict[bool, Mapping[str, Loop]] = {False: loops.PYTHON_LOOPS}
+        if _beside(fmu).is_file():
+            fmus[not fmu.native] = stack.enter_context(Fmu(_beside(fmu)))
+        else:
+            yield Note(f"Left out: the races with the other carrier, because there is no {_beside(fmu)}.")
+        if True in fmus:
+            try:
+                bare[True] = loops.c_loops()
+            except NoCompilerError as error:
+                yield Note(f"Left out: the race of the native FMU against a {LOOP_NAMES[True]}: {error}.")
+        yield from _race_substeps(fmus, {native: bare[native] for native in fmus if native in bare})
+
+
+def _race_substeps(fmus: Mapping[bool, Fmu], bare: Mapping[bool, Mapping[str, Loop]]) -> Iterator[Result]:
+    runners: dict[tuple[str, str], races.Runner] = {}
+    for method in SolverMethod:
+        for native, fmu in fmus.items():
+            runners[_carrier(native), method.name] = partial(_seconds, fmu, _held(method, _many(method)))
+        for native, of_method in bare.items():
+            runners[LOOP_NAMES[native], method.name] = partial(
+                _loop_seconds, of_method[method.name], _many(method)
+            )
+    times = races.race(runners, spend=SPEND)
+    what = "all substeps in one communication step, all terms act"
+    for native in bare:
+        carrier, loop = _carrier(native), LOOP_NAMES[native]
+        for method in SolverMethod:
+            yield races.at_most(
+                f"time: substep of {method.name} in the {carrier} against a {loop}",
+                races.ratio(times[carrier, method.name], times[loop, method.name]),
+                NO_SLOWER_THAN[native],
+                f"{what}; the loop is written for this pendulum alone",
+            )
+    columns = ("method", *(f"{name} [s]" for name in dict.fromkeys(name for name, _ in runners)))
+    rows = [
+        (
+            method.name,
+            *(float(np.median(of)) / _many(method) for (_, name), of in times.items() if name == method.name),
+        )
+        for method in SolverMethod
+    ]
+    yield Table("Time of a substep, median", columns, rows)
+    if len(fmus) == 2:
+        yield from _native_is_faster(fmus, times, what)
+
+
+def _native_is_faster(
+    fmus: Mapping[bool, Fmu], times: Mapping[tuple[str, str], list[float]], what: str
+) -> Iterator[Result]:
+    for method in EXPLICIT:
+        ratio = races.ratio(times[_carrier(False), method.name], times[_carrier(True), method.name])
+        name = f"time: substep of {method.name} in the FMU in units of that in the native FMU"
+        yield races.at_least(name, ratio, NATIVE_FASTER_BY, what)
+    short = _held(RK4, FEW, 20)
+    of = races.race({native: partial(_seconds, fmu, short) for native, fmu in fmus.items()})
+    yield races.at_least(
+        f"time: communication step of {FEW} substeps of the FMU in units of that of the native FMU",
+        races.ratio(of[False], of[True]),
+        NATIVE_FASTER_BY_WITH_FEW,
+        "RK4, all terms act; the call from Python counts for both",
+    )
+
+
+def _held(method: int, substeps: int, steps: int = 1) -> Experiment:
+    """Return a run of communication steps of so many substeps under a held torque, of which nothing is recorded."""
+    step = substeps * SUBSTEP
+    start = {"tau": TORQUE, "solver.method": method, "solver.stepSize": SUBSTEP}
+    return Experiment(steps * step, step, start, record=())
+
+
+def _seconds(fmu: Fmu, experiment: Experiment) -> float:
+    return fmu.run(experiment).seconds
+
+
+def _many(method: SolverMethod) -> int:
+    return SUBSTEPS.get(method, MANY)
+
+
+def _loop_seconds(loop: Loop, substeps: int) -> float:
+    """Return the time [s] of the default pendulum under `TORQUE` in a bare loop."""
+    begin = clock()
+    loop(TORQUE, 0.002, W02, pi / 6, 0.0, SUBSTEP, substeps)
+    return clock() - begin
+
+
+# The Taylor series against heyoka's, from one end to the other: neither pays for a grid.
+TO_THE_END = replace(UNDAMPED[1], name="undamped 90 deg, 20 s in one step", points=1, targets=(1e-13,))
+AGAINST_HEYOKA = (
+    "time: undamped 90 deg, 20 s in one communication step, error 1e-13, TaylorSeries against heyoka"
+)
+
+
+@cache
+def against_heyoka(fmu: Fmu) -> Claim:
+    """Return the row of the Taylor series of the native FMU against heyoka."""
+    if HEYOKA not in {rival.name for rival in rivals(True)[0]}:
+        return races.not_measured(AGAINST_HEYOKA, 1.0, "heyoka is not installed: pip install '.[peers]'")
+    (taylor_series,) = (solver for solver in carriers.solvers(fmu) if solver.name == "TaylorSeries")
+    race = contest.race([taylor_series, heyoka_to_the_end()], TO_THE_END, SPEND)
+    (error,) = TO_THE_END.targets
+    ours, theirs = race.fastest(["TaylorSeries"], error), race.fastest([HEYOKA], error)
+    if ours is None or theirs is None:
+        return races.not_measured(AGAINST_HEYOKA, 1.0, "one of the two does not reach the error")
+    ratio = races.ratio(race.times[theirs], race.times[ours])
+    reason = f"h = {TO_THE_END.stop / ours[1]:.3g} s, heyoka's tolerance {theirs[1]:.1e}"
+    return races.at_least(AGAINST_HEYOKA, ratio, 1.0, reason)
+
+
+def _against_heyoka(fmu: Fmu) -> Iterator[Result]:
+    if fmu.native:
+        yield against_heyoka(fmu)
+
+
+def _cost(fmu: Fmu) -> Iterator[Result]:
+    """Yield what a call of doStep costs, and what a substep costs."""
+    many, one = 500, 500
+    runners = {}
+    for method in SolverMethod:
+        runners[method, many] = partial(_seconds, fmu, _held(method, many))
+        runners[method, 1] = partial(_seconds, fmu, _held(method, 1, one))
+    times = races.race(runners, contest.ROUNDS, 0.0)
+    rows = []
+    for method in SolverMethod:
+        substep = float(np.median(times[method, many])) / many
+        step = float(np.median(times[method, 1])) / one
+        rows.append((method.name, step - substep, substep, (step - substep) / substep))
+    yield Table(
+        "Cost of a call of doStep and of a substep",
+        ("method", "call [s]", "substep [s]", "substeps that cost as much as a call"),
+        rows,
+        "Called from Python by ctypes.",
+    )
+
+
+COMMUNICATION_STEPS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01)  # [s]
+
+
+def _communication(fmu: Fmu) -> Iterator[Result]:
+    """Yield how the communication step eats the advantage over the best rival, which returns one grid of 1 s."""
+    data, error = UNDAMPED[1], 1e-6
+    race = raced(fmu, data)
+    rival = race.fastest([name for names in GROUPS[fmu.native].values() for name in names], error)
+    start = {**data.start, "solver.method": RK4, "solver.stepSize": 0.01}
+    runs = {
+        step: partial(_seconds, fmu, Experiment(data.stop, step, start, record=("phi", "w")))
+        for step in COMMUNICATION_STEPS
+    }
+    times = races.race(runs, contest.ROUNDS, 0.0)
+    fastest = race.median(rival) if rival else nan
+    yield Table(
+        f"How the communication step eats the advantage: RK4, h = 0.01 s, {data.name}",
+        ("communication step [s]", "time [s]", "best rival to 1e-6", "its time [s]", "ratio"),
+        [
+            (step, median, rival[0] if rival else "none", fastest, fastest / median)
+            for step, of in times.items()
+            for median in [float(np.median(of))]
+        ],
+    )
+
+
+def _choice(fmu: Fmu) -> Iterator[Result]:
+    yield show.choice(fmu)
+    yield Table("Where the run times were measured", ("what", "value"), provenance())
+
+
+def goals(fmu: Fmu) -> Iterator[Claim]:
+    """Yield the rows of all goals that are about this carrier, in the order of the report."""
+    yield from (goal.judge(fmu) for goal in GOALS[fmu.native])
+    if fmu.native:
+        yield against_heyoka(fmu)
+    yield from (result for result in substeps(fmu) if isinstance(result, Claim))
+
+
+def _goals(fmu: Fmu) -> Iterator[Result]:
+    yield from (goal.judge(fmu) for goal in GOALS[fmu.native])
+    rows = list(goals(fmu))
+    missed = [row for row in rows if not row.holds]
+    text = f"Goals of speed: {len(rows) - len(missed)} of {len(rows)} are met on this machine."
+    if missed:
+        text += f" Missed: {'; '.join(row.verdict for row in missed)}."
+    yield Note(text, headline=True)
+    yield Table(
+        "Goals of speed",
+        ("goal", "asked for", "met", "measured"),
+        [
+            (
+                row.name.removeprefix("time: "),
+                f"{'>=' if row.at_least else '<='} {row.bound:g}",
+                "yes" if row.holds else "MISSED",
+                row.reason,
+            )
+            for row in rows
+        ],
+    )
+    yield from _by_error(fmu)
+
+
+def _by_error(fmu: Fmu) -> Iterator[Table]:
+    """Yield the ratios of the goals at every error."""
+    for goal in GOALS[fmu.native]:
+        ratios = [(error, goal.ratio(fmu, error)) for error in goal.errors]
+        yield Table(
+            f"{goal.what}: FMU against {goal.rival}",
+            ("error", "ratio", "lower end", "upper end"),
+            [
+                (f"1e{log10(error):.0f}", r, "", "")
+                if isinstance(r, str)
+                else (f"1e{log10(error):.0f}", r.median, r.low, r.high)
+                for error, r in ratios
+            ],
+        )
+
+
+RACES: tuple[Scene, ...] = (
+    *map(RaceScene, RACED),
+    Case("race: the Taylor series against heyoka's", _against_heyoka),
+    Case(
+        "race: substeps against bare loops, and one carrier against the other",
+        lambda fmu: iter(substeps(fmu)),
+    ),
+    Case("cost of a call and of a substep", _cost),
+    Case("cost of short communication steps", _communication),
+    Case("goals", _goals),
+    Case("which method for which task", _choice),
+)
