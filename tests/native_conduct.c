@@ -6,7 +6,6 @@
  * sequence of objects without objects in them, "name" for a new case and "call" for a call, and is read as such. */
 
 #include <ctype.h>
-#include <dlfcn.h>
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -14,6 +13,7 @@
 #include <string.h>
 
 #include "fmi2Functions.h"
+#include "native_load.h"
 
 enum { MOST_TEXT = 1024 };
 
@@ -33,10 +33,7 @@ static fmi2SetRealTYPE *set_real;
 static fmi2SetIntegerTYPE *set_integer;
 static fmi2DoStepTYPE *do_step;
 
-static const struct {
-    const char *name;
-    void *function;
-} FUNCTIONS[] = {
+static const Function FUNCTIONS[] = {
     {"fmi2Instantiate", &instantiate},
     {"fmi2FreeInstance", &free_instance},
     {"fmi2SetupExperiment", &set_up},
@@ -171,19 +168,14 @@ static void walk(FILE *file) {
 
 int main(int argc, char *argv[]) {
     if (argc != 4) return 1;
-    void *library = dlopen(argv[1], RTLD_NOW | RTLD_LOCAL);
+    void *library = load(argv[1], FUNCTIONS, sizeof FUNCTIONS / sizeof *FUNCTIONS);
     FILE *table = fopen(argv[3], "r");
     if (library == NULL || table == NULL) return 1;
     guid = argv[2];
-    for (size_t i = 0; i < sizeof FUNCTIONS / sizeof *FUNCTIONS; i++) {
-        void *address = dlsym(library, FUNCTIONS[i].name);
-        if (address == NULL) return 1;
-        memcpy(FUNCTIONS[i].function, &address, sizeof address);
-    }
     walk(table);
     fclose(table);
     if (c != NULL) free_instance(c);
-    dlclose(library);
+    CLOSE(library);
     printf("calls %d, wrong %d\n", calls, wrong);
     return calls == 0 || wrong != 0;
 }

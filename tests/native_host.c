@@ -4,12 +4,12 @@
  *
  * Exit status 1 if anything fails, or if the process has loaded Python. */
 
-#include <dlfcn.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "fmi2Functions.h"
+#include "native_load.h"
 
 static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
                    fmi2String message, ...) {
@@ -20,14 +20,6 @@ static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2St
     vfprintf(stderr, message, arguments);
     va_end(arguments);
     fputc('\n', stderr);
-}
-
-/* Store the address of `name` where `function` points to; a cast would not be strict C. */
-static int find(void *library, const char *name, void *function) {
-    void *address = dlsym(library, name);
-    memcpy(function, &address, sizeof address);
-    if (address == NULL) fprintf(stderr, "%s is missing\n", name);
-    return address != NULL;
 }
 
 static int maps_contain(const char *word) {
@@ -42,11 +34,6 @@ static int maps_contain(const char *word) {
 
 int main(int argc, char *argv[]) {
     if (argc != 4) return 1;
-    void *library = dlopen(argv[1], RTLD_NOW | RTLD_LOCAL);
-    if (library == NULL) {
-        fprintf(stderr, "%s\n", dlerror());
-        return 1;
-    }
     fmi2InstantiateTYPE *instantiate;
     fmi2SetupExperimentTYPE *setup;
     fmi2EnterInitializationModeTYPE *enter;
@@ -55,11 +42,18 @@ int main(int argc, char *argv[]) {
     fmi2GetRealTYPE *get_real;
     fmi2TerminateTYPE *terminate;
     fmi2FreeInstanceTYPE *free_instance;
-    if (!find(library, "fmi2Instantiate", &instantiate) || !find(library, "fmi2SetupExperiment", &setup) ||
-        !find(library, "fmi2EnterInitializationMode", &enter) || !find(library, "fmi2DoStep", &do_step) ||
-        !find(library, "fmi2ExitInitializationMode", &leave) || !find(library, "fmi2GetReal", &get_real) ||
-        !find(library, "fmi2Terminate", &terminate) || !find(library, "fmi2FreeInstance", &free_instance))
-        return 1;
+    const Function functions[] = {
+        {"fmi2Instantiate", &instantiate},
+        {"fmi2SetupExperiment", &setup},
+        {"fmi2EnterInitializationMode", &enter},
+        {"fmi2ExitInitializationMode", &leave},
+        {"fmi2DoStep", &do_step},
+        {"fmi2GetReal", &get_real},
+        {"fmi2Terminate", &terminate},
+        {"fmi2FreeInstance", &free_instance},
+    };
+    void *library = load(argv[1], functions, sizeof functions / sizeof *functions);
+    if (library == NULL) return 1;
     const fmi2CallbackFunctions callbacks = {logger, calloc, free, NULL, NULL};
     const double stop = 10.0, step = 0.01;
     const int steps = 1000;
@@ -77,7 +71,7 @@ int main(int argc, char *argv[]) {
         fprintf(stderr, "Python is loaded\n");
         return 1;
     }
-    dlclose(library);
+    CLOSE(library);
     printf("phi %.17g\n", phi);
     return 0;
 }

@@ -5,13 +5,13 @@
  * Each method moves the default pendulum freely and under a torque. In the middle of a run its state goes through bytes
  * and back, past a step that it undoes. A line: method, driven or not, step, phi, w, a, E, evaluations. */
 
-#include <dlfcn.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "fmi2Functions.h"
+#include "native_load.h"
 
 enum { PHI_START = 4, METHOD = 6, STEP_SIZE = 7, TAU = 8, PHI = 9, NFEV = 13 }; /* value references */
 
@@ -34,10 +34,7 @@ static fmi2SerializedFMUstateSizeTYPE *state_size;
 static fmi2SerializeFMUstateTYPE *serialize;
 static fmi2DeSerializeFMUstateTYPE *deserialize;
 
-static const struct {
-    const char *name;
-    void *function;
-} FUNCTIONS[] = {
+static const Function FUNCTIONS[] = {
     {"fmi2Instantiate", &instantiate},      {"fmi2FreeInstance", &free_instance},
     {"fmi2SetupExperiment", &set_up},       {"fmi2EnterInitializationMode", &enter},
     {"fmi2ExitInitializationMode", &leave}, {"fmi2GetReal", &get_real},
@@ -105,15 +102,10 @@ static bool run(const char *guid, int method, bool driven) {
 
 int main(int argc, char *argv[]) {
     if (argc != 3) return 1;
-    void *library = dlopen(argv[1], RTLD_NOW | RTLD_LOCAL);
+    void *library = load(argv[1], FUNCTIONS, sizeof FUNCTIONS / sizeof *FUNCTIONS);
     if (library == NULL) return 1;
-    for (size_t i = 0; i < sizeof FUNCTIONS / sizeof *FUNCTIONS; i++) {
-        void *address = dlsym(library, FUNCTIONS[i].name);
-        if (address == NULL) return 1;
-        memcpy(FUNCTIONS[i].function, &address, sizeof address);
-    }
     for (int method = 1; method <= METHODS; method++)
         if (!run(argv[2], method, false) || !run(argv[2], method, true)) return 1;
-    dlclose(library);
+    CLOSE(library);
     return 0;
 }

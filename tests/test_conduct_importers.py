@@ -71,6 +71,7 @@ def cofmupy(pytestconfig: pytest.Config) -> Path:
 
     They exclude the versions of FMPy and pythonfmu that the tests have.
     """
+    pytest.importorskip("matplotlib", reason="CoFmuPy needs matplotlib: pip install '.[report]'")
     folder = pytestconfig.cache.mkdir(f"{COFMUPY[0]}-{sys.implementation.cache_tag}")
     if not (folder / "cofmupy").is_dir():
         command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", folder]
@@ -82,7 +83,6 @@ def cofmupy(pytestconfig: pytest.Config) -> Path:
 
 @pytest.mark.slow
 def test_cofmupy_agrees_with_fmpy(fmu_path: Path, plant: Plant, cofmupy: Path) -> None:
-    pytest.importorskip("matplotlib", reason="CoFmuPy needs matplotlib: pip install '.[report]'")
     host = Path(__file__).with_name("cofmupy_host.py")
     printed = output_of(
         [sys.executable, host, fmu_path, plant.x], env=os.environ | {"PYTHONPATH": str(cofmupy)}
