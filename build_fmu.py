@@ -1,4 +1,4 @@
-"""Build dist/DampedPendulum.fmu, or dist/DampedPendulumNative.fmu, from fmu_src: the same sources, the same bytes.
+"""Build dist/DampedPendulum.fmu, dist/DampedPendulumNative.fmu, or a release of both: the same sources, the same bytes.
 
 pythonfmu packs the Python sources, a C compiler makes the binaries of the native FMU. This program adds what belongs
 into a FMU (documentation, licences, icon, a GUID derived from the contents), packs it reproducibly and refuses to leave
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import html
+import json
 import re
 import shutil
 import sys
@@ -19,9 +20,11 @@ import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from importlib.util import find_spec
 from math import inf
 from pathlib import Path
-from typing import NoReturn
+from sys import float_info
+from typing import Any, NoReturn
 from xml.etree import ElementTree
 
 from fmpy.validation import validate_fmu
@@ -44,8 +47,15 @@ DEFAULT_OUTPUT = ROOT / "dist" / f"{INTERFACE.model_name}.fmu"
 NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
 DOCUMENTATION = SOURCES / "documentation"
+REFERENCE_RESULTS = (
+    SOURCES / "reference_results"
+)  # laid out as in the FMU; made by validation/reference_results.py
 ICON = DOCUMENTATION / "model.png"
-PURPOSE = f"Build dist/{DEFAULT_OUTPUT.name}, or dist/{NATIVE_OUTPUT.name}: the same sources, the same bytes."
+CONDUCT = ROOT / "tests" / "conduct.json"
+PURPOSE = (
+    f"Build dist/{DEFAULT_OUTPUT.name}, dist/{NATIVE_OUTPUT.name}, or a release of both: "
+    "the same sources, the same bytes."
+)
 SCRIPT = """\
 from {package}.fmi.wrapper import keep_alive
 from {package}.slave import {model}
@@ -53,6 +63,18 @@ from {package}.slave import {model}
 keep_alive(globals())  # pythonfmu 0.7 releases the names of this script once too often with every instance
 """
 NAMESPACE = uuid.UUID("5f0c5b1e-5d5c-4f0e-9b0a-3d9d3c1a7e42")  # of the GUIDs of this project
+
+
+REFERENCES = REFERENCE_RESULTS / "extra" / "org.fmi-standard.fmi-ls-ref"
+CROSS_CHECK = (
+    "driven"  # the experiment with an input and the default parameters, which the cross-check asks for
+)
+CROSS_CHECK_README = """\
+Cross-check files of {fmu} {version}: its default parameters under a torque that changes at every second, held against
+the exact motion. Error at most {bounds[phi]:g} rad in phi, {bounds[w]:g} rad/s in w: {reason}.
+"""
+# Of the project, under the same names in a release.
+DOCUMENTS = ("CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "validation/error_against_run_time.png")
 
 
 class BuildError(Exception):
@@ -80,7 +102,7 @@ def build(output: Path = DEFAULT_OUTPUT, sources: Path = SOURCES) -> Path:
                 canGetAndSetFMUstate=True,
                 canSerializeFMUstate=True,
             )
-        entries = read_entries(packed) | {"model.png": ICON.read_bytes()}
+        entries = read_entries(packed) | {"model.png": ICON.read_bytes()} | files_below(REFERENCE_RESULTS)
     derive_guid(entries)
     return write_fmu(output, entries)
 
@@ -98,14 +120,19 @@ def build_native(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_documentation(folder / "documentation", "native")
-        files = [path for path in folder.rglob("*") if path.is_file()]
-        entries = {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+        entries = files_below(folder) | files_below(REFERENCE_RESULTS)
     entries |= {"model.png": ICON.read_bytes(), DESCRIPTION: native_description()} | in_sources(
         native.sources(guid="")
     )
     guid = derive_guid(entries)
     entries |= in_sources(native.sources(guid)) | binaries(guid)
     return write_fmu(output, entries)
+
+
+def files_below(folder: Path) -> dict[str, bytes]:
+    """Return the files in and below `folder`, of which there may be none, by their names relative to it."""
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def in_sources(files: dict[str, bytes]) -> dict[str, bytes]:
@@ -179,6 +206,58 @@ def stage(sources: Path, folder: Path) -> Path:
     script = folder / f"{package}_slave.py"
     script.write_text(SCRIPT.format(package=package, model=INTERFACE.model_name), "utf-8", newline="\n")
     return script
+
+
+def build_release(folder: Path) -> Path:
+    """Write both FMUs and what their users test with into `folder`, which is new or empty, and return it.
+
+    Raises
+    ------
+    BuildError, native.CompilationError : as of the builds; nothing is left in `folder`
+    """
+    with tempfile.TemporaryDirectory() as name:
+        packed = Path(name, "release")
+        fmus = build(packed / DEFAULT_OUTPUT.name), build_native(packed / NATIVE_OUTPUT.name)
+        files = {name: (ROOT / name).read_bytes() for name in DOCUMENTS}
+        files["conduct.json"] = CONDUCT.read_bytes()
+        for source, content in files_below(REFERENCE_RESULTS).items():
+            files[f"reference_results/{Path(source).name}"] = content
+        for fmu in fmus:
+            files |= cross_check(fmu.stem)
+        for target, content in files.items():
+            (packed / target).parent.mkdir(parents=True, exist_ok=True)
+            (packed / target).write_bytes(content)
+        sums = sorted((target, hashlib.sha256(content)) for target, content in files_below(packed).items())
+        text = "".join(f"{digest.hexdigest()}  {target}\n" for target, digest in sums)
+        (packed / "SHA256SUMS").write_text(text, "utf-8", newline="\n")
+        shutil.copytree(packed, folder, dirs_exist_ok=True)
+    return folder
+
+
+def experiments() -> list[dict[str, Any]]:
+    """Return the experiments of the reference results: names, start values, files, bounds."""
+    text = (REFERENCES / "experiments.json").read_text("utf-8")
+    found: list[dict[str, Any]] = json.loads(text)["experiments"]
+    return found
+
+
+def cross_check(name: str) -> dict[str, bytes]:
+    """Return the files of the FMI cross-check (rules 4.1) for the FMU `name`."""
+    (experiment,) = (experiment for experiment in experiments() if experiment["name"] == CROSS_CHECK)
+    options = {
+        "StartTime": 0.0,
+        "StopTime": experiment["stop_time"],
+        "StepSize": experiment["communication_step"],
+        "RelTol": float_info.epsilon,  # the reference is exact but for its rounding to doubles
+        "OutputIntervalLength": experiment["communication_step"],
+    }
+    files = {
+        f"{name}_ref.csv": (REFERENCES / experiment["result"]).read_bytes(),
+        f"{name}_in.csv": (REFERENCES / experiment["input"]).read_bytes(),
+        f"{name}_ref.opt": "".join(f"{option},{value!r}\n" for option, value in options.items()).encode(),
+        "README.md": CROSS_CHECK_README.format(fmu=name, version=INTERFACE.version, **experiment).encode(),
+    }
+    return {f"cross_check/{name}/{file}": content for file, content in files.items()}
 
 
 @contextmanager
@@ -266,6 +345,35 @@ def method_rows() -> list[Sequence[str]]:
     return rows
 
 
+def reference_rows() -> list[Sequence[str]]:
+    """Return the table of the reference results, header first: the exact state at the end and the bounds."""
+    rows: list[Sequence[str]] = [
+        (
+            "experiment",
+            "start values",
+            "communication step",
+            "phi(10 s), exact",
+            "w(10 s), exact",
+            "error at most",
+        )
+    ]
+    for experiment in experiments():
+        _, phi, w = (REFERENCES / experiment["result"]).read_text("utf-8").splitlines()[-1].split(",")
+        start = ", ".join(f"{name} = {value!r}" for name, value in experiment["start_values"].items())
+        torque = f"; torque of `{experiment['input']}`" if experiment["input"] else ""
+        rows.append(
+            (
+                f"`{experiment['name']}`",
+                (start or "the defaults") + torque,
+                f"{experiment['communication_step']!r} s",
+                f"{phi} rad",
+                f"{w} rad/s",
+                f"{experiment['bounds']['phi']:g} rad, {experiment['bounds']['w']:g} rad/s",
+            )
+        )
+    return rows
+
+
 def markdown(rows: Iterable[Sequence[str]]) -> str:
     """Return a table in Markdown."""
     header, *body = rows
@@ -312,14 +420,16 @@ def _between_marks(table: str, found: re.Match[str]) -> str:
 
 
 def readme_with_tables(text: str) -> str:
-    """Return README with its tables of variables and methods made anew."""
-    for mark, rows in (("variables", variable_rows()), ("methods", method_rows())):
-        text = re.sub(
-            rf"(<!-- {mark} -->\n).*?(<!-- end of {mark} -->)",
-            partial(_between_marks, markdown(rows)),
-            text,
-            flags=re.DOTALL,
-        )
+    """Return README with those of its tables that are data made anew."""
+    tables = {"variables": variable_rows, "methods": method_rows, "reference results": reference_rows}
+    for mark, rows in tables.items():
+        if f"<!-- {mark} -->" in text:
+            text = re.sub(
+                rf"(<!-- {mark} -->\n).*?(<!-- end of {mark} -->)",
+                partial(_between_marks, markdown(rows())),
+                text,
+                flags=re.DOTALL,
+            )
     return text
 
 
@@ -341,7 +451,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--readme", action="store_true", help="write the tables of README.md anew instead of building"
     )
+    parser.add_argument(
+        "--release",
+        type=Path,
+        metavar="DIR",
+        help="build both FMUs with reference results, cross-check files, conduct as data and SHA256SUMS",
+    )
     options = parser.parse_args(arguments)
+    if options.release is not None:
+        if find_spec("ziglang") is None:
+            parser.error("--release: needs the package ziglang, which compiles for every platform")
+        if options.release.exists() and (not options.release.is_dir() or any(options.release.iterdir())):
+            parser.error(f"--release {options.release}: must be a new or an empty directory")
+        return report(parser, "--release", options.release, build_release)
     if options.readme:
         readme = ROOT / "README.md"
         readme.write_text(readme_with_tables(readme.read_text("utf-8")), "utf-8", newline="\n")
@@ -349,15 +471,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     output = options.output or (NATIVE_OUTPUT if options.native else DEFAULT_OUTPUT)
     if output.suffix != ".fmu" or output.is_dir():
         parser.error(f"--output {output}: must be a file that ends in .fmu")
+    return report(parser, "--output", output, build_native if options.native else build)
+
+
+def report(parser: Parser, option: str, output: Path, build_to: Callable[[Path], Path]) -> int:
+    """Build to `output`, print what was written, or why nothing was, and return the exit status."""
     try:
-        print(build_native(output) if options.native else build(output))
+        print(build_to(output))
     except (BuildError, native.CompilationError) as error:
-        print(f"build_fmu.py: the FMU was not written:\n{error}", file=sys.stderr)
+        print(f"build_fmu.py: nothing was written:\n{error}", file=sys.stderr)
         return 1
     except native.CompilerError as error:
         parser.error(f"--native: {error}")
     except OSError as error:
-        parser.error(f"--output {output}: {error.strerror} ({error.filename})")
+        parser.error(f"{option} {output}: {error.strerror} ({error.filename})")
     return 0
 
 

@@ -104,7 +104,7 @@ def copy_of_the_template(project: Path) -> None:
     project.mkdir()
     for name in ("build_fmu.py", "LICENSE"):
         shutil.copy(build_fmu.ROOT / name, project)
-    ignored = shutil.ignore_patterns("__pycache__", "damped_pendulum", "pendulum.c")
+    ignored = shutil.ignore_patterns("__pycache__", "damped_pendulum", "pendulum.c", "reference_results")
     shutil.copytree(build_fmu.SOURCES, project / "fmu_src", ignore=ignored)
     shutil.copytree(SECOND_MODEL, project / "fmu_src", dirs_exist_ok=True)
 

@@ -1,15 +1,22 @@
 import hashlib
+import re
 import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
+import fmpy
 import pytest
+from fmpy.util import read_csv, read_ref_opt_file
 from fmpy.validation import validate_fmu
 
 import build_fmu
+from damped_pendulum.interface import INTERFACE
+from native import build as native
+from tests.toolchain import need_zig
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -120,6 +127,94 @@ def test_help_is_enough() -> None:
     assert "DampedPendulum.fmu" in result.stdout
 
 
+# A release
+
+
+@pytest.fixture(scope="module")
+def release(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    need_zig()
+    folder = tmp_path_factory.mktemp("release")
+    done = command("--release", str(folder))
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_a_release_has_both_fmus_and_what_their_users_test_with(release: Path) -> None:
+    assert {
+        "CHANGELOG.md",
+        "CITATION.cff",
+        "DampedPendulum.fmu",
+        "DampedPendulumNative.fmu",
+        "LICENSE",
+        "README.md",
+        "SHA256SUMS",
+        "conduct.json",
+        "cross_check/DampedPendulum/DampedPendulum_in.csv",
+        "cross_check/DampedPendulumNative/DampedPendulumNative_ref.opt",
+        "reference_results/experiments.json",
+        "reference_results/fmi-ls-ref.txt",
+        "reference_results/large_swing.ssv",
+    } <= files(release)
+    binaries = {
+        name.split("/")[1]
+        for name in build_fmu.read_entries(release / "DampedPendulumNative.fmu")
+        if name.startswith("binaries/")
+    }
+    assert binaries == {target.platform for target in native.TARGETS}
+
+
+def test_the_checksums_of_a_release_are_of_all_its_files(release: Path) -> None:
+    lines = [line.split("  ") for line in (release / "SHA256SUMS").read_text("utf-8").splitlines()]
+    assert {name for _, name in lines} == files(release) - {"SHA256SUMS"}
+    for digest, name in lines:
+        assert sha256(release / name) == digest
+
+
+def test_a_release_is_the_same_bytes_each_time(release: Path, tmp_path: Path) -> None:
+    assert command("--release", str(tmp_path / "again")).returncode == 0
+    sums = "SHA256SUMS"
+    assert (tmp_path / "again" / sums).read_bytes() == (release / sums).read_bytes()
+
+
+@pytest.mark.parametrize("name", ["DampedPendulum", "DampedPendulumNative"])
+def test_fmpy_runs_the_cross_check_of_a_release(release: Path, name: str) -> None:
+    folder = release / "cross_check" / name
+    options = read_ref_opt_file(folder / f"{name}_ref.opt")
+    exact = read_csv(folder / f"{name}_ref.csv")
+    found = fmpy.simulate_fmu(
+        str(release / f"{name}.fmu"),
+        start_time=options["StartTime"],
+        stop_time=options["StopTime"],
+        output_interval=options["OutputIntervalLength"],
+        input=read_csv(folder / f"{name}_in.csv"),
+        output=["phi", "w"],
+    )
+    assert (found["time"] == exact["time"]).all()
+    for variable, bound in (("phi", 3e-11), ("w", 6e-11)):  # those of README
+        assert abs(found[variable] - exact[variable]).max() <= bound
+
+
+def test_a_release_goes_into_a_new_or_an_empty_directory_only(tmp_path: Path) -> None:
+    need_zig()
+    (tmp_path / "old").touch()
+    result = command("--release", str(tmp_path))
+    assert result.returncode == 2
+    assert result.stderr.endswith("must be a new or an empty directory\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+
+
+def test_the_versions_agree() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    version, date = re.findall(
+        r"^## \[(.+)\] - (.+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE
+    )[0]
+    assert version == project == INTERFACE.version
+    assert f"\nversion: {version}\n" in citation
+    assert f"\ndate-released: {date}\n" in citation
+    assert INTERFACE.released == f"{date}T00:00:00Z"
+
+
 # The source distribution
 
 
@@ -164,9 +259,15 @@ def test_a_source_distribution_contains_all_that_is_needed(sdist: Path) -> None:
         "validation/loop.c",
         "validation/error_against_run_time.png",
         "tests/native_host.c",
+        "tests/conduct.json",
+        "fmu_src/reference_results/extra/org.fmi-standard.fmi-ls-ref/driven_in.csv",
     } <= files(sdist)
     assert not [name for name in files(sdist) if "__pycache__" in name]
     assert (sdist / ".ci" / "run").stat().st_mode & 0o100
+
+
+def test_a_package_index_refuses_the_distribution(sdist: Path) -> None:
+    assert "Classifier: Private :: Do Not Upload" in (sdist / "PKG-INFO").read_text("utf-8").splitlines()
 
 
 def test_a_source_distribution_builds_the_same_fmu(sdist: Path, fmu_path: Path, tmp_path: Path) -> None:

@@ -57,7 +57,7 @@ def test_the_error_that_counts_is_the_largest_on_the_grid() -> None:
 @pytest.mark.parametrize("failed", [outcome(0.0, 1.0, failure="diverged"), outcome(nan, 1.0)])
 def test_a_run_that_failed_or_is_no_number_reaches_nothing(failed: Outcome) -> None:
     assert isnan(contest.errors(SCENE, failed).largest)
-    lost = solver("lost", lambda _: nan, lambda _: 0.1, (1.0, 2.0))
+    lost = solver("lost", lambda _: nan, lambda _: 0.1, (1e-3, 1e-4))
     assert contest.fitted(lost, SCENE, 1e-2) is None
 
 
@@ -104,9 +104,9 @@ def test_one_accident_with_a_large_tolerance_does_not_end_a_ladder() -> None:
 def test_it_is_said_why_an_error_is_not_reached() -> None:
     assert why_not([], SCENE, 1e-2) == "left out"
     assert why_not([second_order("gets there")], SCENE, 1e-2) == ""
-    coarse = solver("coarse", lambda _: 0.1, lambda _: 0.1, (1.0,))
+    coarse = solver("coarse", lambda _: 0.1, lambda _: 0.1, (1e-3,))
     assert why_not([coarse], SCENE, 1e-2) == "not reached"
-    lost = solver("diverges", lambda _: 0.0, lambda _: 0.1, (1.0,), failure="diverged")
+    lost = solver("diverges", lambda _: 0.0, lambda _: 0.1, (1e-3,), failure="diverged")
     assert why_not([lost], SCENE, 1e-2) == "diverged"
 
 
@@ -192,3 +192,8 @@ def test_each_solver_has_a_style_of_its_own() -> None:
 def test_each_drag_and_each_undamped_amplitude_is_raced_once() -> None:
     assert [scene.drag for scene in SCENES if scene.drag] == ["no", "weak", "strong", "extreme"]
     assert len({scene.name for scene in SCENES}) == len(SCENES)
+
+
+def test_rivals_begin_with_the_tolerance_of_the_scene() -> None:
+    rival = solver("begins late", lambda knob: knob, lambda _: 0.1, (1e-2, 1e-3, 1e-4))
+    assert [rung.knob for rung in contest.ladder(rival, replace(SCENE, loosest=1e-3))] == [1e-3, 1e-4]

@@ -74,7 +74,12 @@ def test_every_platform_is_built_on_this_machine(tmp_path: Path, native_path: Pa
     path = build_fmu.build_native(tmp_path / "all.fmu")
     entries = build_fmu.read_entries(path)
     binaries = {name.split("/")[1]: data for name, data in entries.items() if name.startswith("binaries/")}
-    magic = {"linux64": b"\x7fELF", "win64": b"MZ", "darwin64": b"\xca\xfe\xba\xbe\0\0\0\2"}
+    magic = {
+        "linux64": b"\x7fELF",
+        "aarch64-linux": b"\x7fELF",
+        "win64": b"MZ",
+        "darwin64": b"\xca\xfe\xba\xbe\0\0\0\2",
+    }
     assert {platform: data[: len(magic[platform])] for platform, data in binaries.items()} == magic
     assert validate_fmu(str(path)) == []
     assert build_fmu.build_native(tmp_path / "again.fmu").read_bytes() == path.read_bytes()

@@ -1,5 +1,6 @@
 """The native FMU in importers other than FMPy, none of which loads Python for it."""
 
+import json
 import os
 import re
 import subprocess
@@ -29,16 +30,43 @@ def printed_angle(command: list[Any]) -> float:
     return float(re.findall(r"^phi (.*)$", output_of(command), re.MULTILINE)[0])
 
 
+def host(fmu: Fmu, source: str, folder: Path, argument: Any) -> list[Any]:
+    """Compile a host of a library and a GUID; return the command that runs it, too, with one more argument."""
+    program = folder / "host"
+    options = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", f"-I{native.FMI_HEADERS}"]
+    output_of([COMPILER, *options, HERE / source, "-o", program, "-ldl"])
+    library = fmu.folder / "binaries" / fmpy.platform / f"{native.MODEL_NAME}{fmpy.sharedLibraryExtension}"
+    return [program, library, fmu.description.guid, argument]
+
+
 @on_linux
 @needs_compiler
 def test_a_host_in_c_needs_no_python(native_fmu: Fmu, tmp_path: Path, final_angle: float) -> None:
-    host = tmp_path / "host"
-    options = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", f"-I{native.FMI_HEADERS}"]
-    output_of([COMPILER, *options, HERE / "native_host.c", "-o", host, "-ldl"])
-    binaries = native_fmu.folder / "binaries" / fmpy.platform
-    library = binaries / f"{native.MODEL_NAME}{fmpy.sharedLibraryExtension}"
-    command = [host, library, native_fmu.description.guid, str(PENDULUM.reference["phi"])]
+    command = host(native_fmu, "native_host.c", tmp_path, str(PENDULUM.reference["phi"]))
     assert printed_angle(command) == pytest.approx(final_angle, abs=1e-12)
+
+
+@on_linux
+@needs_compiler
+def test_a_host_in_c_gets_the_answers_of_the_table(native_fmu: Fmu, tmp_path: Path) -> None:
+    table = HERE / "conduct.json"
+    calls = sum(len(case["calls"]) for case in json.loads(table.read_text("utf-8"))["cases"])
+    printed = output_of(host(native_fmu, "native_conduct.c", tmp_path, table))
+    assert printed == f"calls {calls}, wrong 0\n"
+
+
+@on_linux
+@needs_compiler
+def test_the_host_in_c_sees_a_wrong_answer(native_fmu: Fmu, tmp_path: Path) -> None:
+    text = (HERE / "conduct.json").read_text("utf-8")
+    got = '"fmi2GetReal", "variable": "g", "reference": 3, "value": '
+    for old, new in (("kg (allowed", "g (allowed"), (f"{got}9.0", f"{got}9.5")):
+        assert old in text
+        (tmp_path / "wrong.json").write_text(text.replace(old, new), "utf-8")
+        command = host(native_fmu, "native_conduct.c", tmp_path, tmp_path / "wrong.json")
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 1
+        assert not done.stdout.endswith("wrong 0\n")
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ from validation import loops, races, studies
 from validation.__main__ import main
 from validation.checks import Check, Note, Result, Table
 from validation.fmu import Fmu, SolverMethod
-from validation.race import contest
+from validation.race import contest, judging
 from validation.race.judging import GROUPS, OURS
 from validation.race.scenes import EXTREME
 from validation.report import page
@@ -198,8 +198,9 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Races of a single round: all of their code runs, and nothing is claimed."""
     for module, name in ((races, "ROUNDS"), (contest, "ROUNDS"), (work_precision, "MANY")):
         monkeypatch.setattr(module, name, 1)
-    for module in (races, contest, work_precision):
+    for module in (races, work_precision):
         monkeypatch.setattr(module, "SPEND", 0.0)
+    monkeypatch.setattr(judging, "SPEND", {False: 0.0, True: 0.0})
 
 
 @on_native

@@ -113,8 +113,9 @@ def test_the_thousandth_period_ends_where_it_began() -> None:
 
 
 def test_the_polynomial_of_the_drive_is_its_cubic_about_the_middle() -> None:
-    drive, t, h = scenes.Gaussian(2.0, 4.0, 0.09), 3.7, 0.1
-    d0, d1, d2, d3 = drive.polynomial(t, h)
+    drive, n, h = scenes.Gaussian(2.0, 4.0, 0.09), 37, 0.1
+    t = n * h
+    d0, d1, d2, d3 = drive.polynomials(h, n + 1)[n]
     with mp.workdps(30):
         taylor = mp.taylor(lambda x: 2 * mp.exp(-((x - 4) ** 2) / (2 * mp.mpf("0.09"))), mp.mpf(t + h / 2), 3)
         for s in (0.0, 0.05, 0.1):
@@ -132,7 +133,7 @@ def test_the_host_in_c_gives_the_bits_of_that_in_python(fmu_path: object, carrie
     except compiler.NoCompilerError as error:
         pytest.skip(str(error))
     held = Experiment(2.0, 0.1, {"gamma": 0.5}, lambda t: 0.3, ("phi", "w"))
-    constant = replace(held, polynomial=lambda t, h: (0.3, 0.0, 0.0, 0.0))
+    constant = replace(held, inputs=np.tile([0.3, 0.0, 0.0, 0.0], (20, 1)))
     with Fmu(fmu_path) as fmu:  # type: ignore[arg-type]
         ours, theirs = fmu.run_in(host, constant), fmu.run(held)
         lost = fmu.run_in(host, Experiment(1.0, 0.1, {"gamma": 1e6}, record=("phi", "w")))

@@ -68,8 +68,8 @@ class Experiment:
     record : outputs to read at every communication point
     begin : start time [s]
     points : communication points [s] instead of those from `begin` to `stop`
-    polynomial : tau [N.m] and its first three derivatives by time as functions of the begin and length of a
-        communication step [s], instead of `torque`; for a `Host` alone
+    inputs : tau [N.m] and its first three derivatives by time at the beginning of each communication step, a row
+        each, instead of `torque`; for a `Host` alone
     """
 
     stop: float
@@ -79,7 +79,7 @@ class Experiment:
     record: Sequence[str] = ("phi",)
     begin: float = 0.0
     points: Sequence[float] | None = None
-    polynomial: Callable[[float, float], Sequence[float]] | None = None
+    inputs: NDArray[np.float64] | None = None
 
     def times(self) -> list[float]:
         """Return the communication points [s], formed without accumulation."""
@@ -225,17 +225,15 @@ class Fmu:
         names = ("fmi2DoStep", "fmi2GetReal", "fmi2SetReal", "fmi2SetRealInputDerivatives")
         functions = [cast(getattr(dll, name), c_void_p) for name in names]
         references = (c_uint * width)(*(self._reference[name] for name in experiment.record))
-        table = (c_double * (steps * width))()
-        inputs = None
-        if experiment.polynomial is not None:
-            values = [x for now, then in pairwise(times) for x in experiment.polynomial(now, then - now)]
-            inputs = (c_double * len(values))(*values)
-        points = (c_double * len(times))(*times)
+        points, table = np.array(times), np.empty((steps, width))
+        addresses = [None if x is None else x.ctypes.data for x in (points, table, experiment.inputs)]
         tau, component = self._reference["tau"], c_void_p(self._slave.component)
         begin = clock()
-        done = host(*functions, component, steps, points, width, references, table, tau, inputs)
+        done = host(
+            *functions, component, steps, addresses[0], width, references, addresses[1], tau, addresses[2]
+        )
         seconds = clock() - begin
-        rows += [table[i * width : (i + 1) * width] for i in range(done)]
+        rows += table[:done].tolist()
         if done < steps:
             rows.append([nan] * width)
         return seconds

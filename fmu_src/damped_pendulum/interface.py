@@ -36,8 +36,8 @@ TYPES = types_of(VARIABLES)
 
 INTERFACE = Interface(
     model_name="DampedPendulum",
-    version="0.1.0",
-    released="2026-11-22T00:00:00Z",
+    version="0.2.0",
+    released="2026-11-26T00:00:00Z",
     description="Nonlinear damped pendulum: torque in, angle out, integrated by a method of your choice",
     author="The damped pendulum FMU contributors",
     license="MIT",

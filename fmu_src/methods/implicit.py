@@ -6,8 +6,8 @@ Stage i of a substep h from phi and w is
 
 With what is known on its right-hand side, V = w + h*sum_j A_ij*a_j and X = phi + h*sum_j A_ij*v_j with j < i, it is the
 implicit stage of the model, v_i = V + b*a(x_i, v_i), x_i = X + b*v_i, b = h*A_ii. The last stage is the result of the
-substep, and an explicit first one is the last of the substep before. b*a_i is had as v_i - V: where the motion is stiff,
-a(x_i, v_i) would magnify the rounding of v_i.
+substep, and an explicit first one is the last of the substep before. b*a_i is had as v_i - V: where the motion is
+stiff, a(x_i, v_i) would magnify the rounding of v_i.
 
 References: Hairer, Wanner, "Solving Ordinary Differential Equations II", section IV.6; Bank, Coughran, Fichtner,
 Grosse, Rose, Smith, "Transient simulation of silicon devices and circuits", IEEE Transactions on Electron Devices 32

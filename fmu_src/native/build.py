@@ -82,6 +82,7 @@ class Target(NamedTuple):
 
 TARGETS = (
     Target("linux64", ".so", ("x86_64-linux-gnu.2.17",)),
+    Target("aarch64-linux", ".so", ("aarch64-linux-gnu.2.17",)),
     Target("win64", ".dll", ("x86_64-windows-gnu",)),
     Target("darwin64", ".dylib", ("x86_64-macos.11.0", "aarch64-macos.11.0")),
 )

@@ -71,7 +71,12 @@ def experiment(scene: Scene, method: int, substeps: float) -> Experiment:
     if (drive := scene.drive) is None:
         return Experiment(scene.stop, scene.step, start, record=record)
     return Experiment(
-        scene.stop, h, start, lambda t: drive(t + h / 2), record, polynomial=cache(drive.polynomial)
+        scene.stop,
+        h,
+        start,
+        lambda t: drive(t + h / 2),
+        record,
+        inputs=drive.polynomials(h, round(scene.stop / h)),
     )
 
 

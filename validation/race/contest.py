@@ -6,7 +6,7 @@ which no machine changes; run times decide who races, and are measured in rounds
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import inf, isnan, nan
@@ -20,9 +20,8 @@ from .rivals import Outcome, Solver
 from .scenes import COARSE, Scene, exact
 
 ROUNDS = 15
-SPEND = 5e-4  # what each runner runs in a round at least [s]
 CLOSE = 1.5  # who is slower than the fastest of its family by more takes part at the errors COARSE only,
-SLOW = 0.01  # and only if it is done in so many seconds
+SLOW = 0.01  # and only if it is done in so many seconds, or the scene leads the report
 FINENESS = 0.03  # relative, of the substeps that just reach an error
 
 
@@ -80,6 +79,8 @@ def ladder(solver: Solver, scene: Scene) -> Sequence[Rung]:
     accidents, longest = (0, solver.cut_off / 2) if solver.counts_substeps else (1, solver.cut_off)
     rungs: list[Rung] = []
     for knob in solver.knobs:
+        if not solver.counts_substeps and knob > scene.loosest:
+            continue
         rungs.append(measured(solver, scene, knob))
         too_long = [rung.seconds > longest for rung in rungs[-1 - accidents :]]
         if rungs[-1].errors.largest <= scene.targets[-1] or (len(rungs) > accidents and all(too_long)):
@@ -138,8 +139,8 @@ class Race:
         return float(np.median(self.times[key]))
 
 
-def race(solvers: Sequence[Solver], scene: Scene) -> Race:
-    """Let the solvers climb their ladders, and race those that are fast enough."""
+def race(solvers: Sequence[Solver], scene: Scene, spend: float) -> Race:
+    """Let the solvers climb their ladders, and race those that are fast enough, each for `spend` [s] a round."""
     rungs: dict[Key, Rung] = {}
     keys: dict[float, list[Key]] = {}
     for error in scene.targets:
@@ -148,23 +149,21 @@ def race(solvers: Sequence[Solver], scene: Scene) -> Race:
         keys[error] = [(rung.solver.name, rung.knob) for rung in chosen]
     runs = {key: rung.solver.prepare(scene, rung.knob, inf) for key, rung in rungs.items()}
     runners = {key: lambda run=run: run().seconds for key, run in runs.items()}
-    times = races.race(runners, ROUNDS, SPEND) if runners else {}
+    times = races.race(runners, ROUNDS, spend) if runners else {}
     return Race(scene, rungs, times, keys)
 
 
 def _contenders(solvers: Sequence[Solver], scene: Scene, error: float) -> Iterator[Rung]:
     """Yield the runs of those that are fast enough; a ladder can take twice the time of what is fitted in it."""
+    slow = (inf if scene.leads else SLOW) if error in COARSE else 0.0
     for family in dict.fromkeys(solver.family for solver in solvers):
-        able = [solver for solver in solvers if solver.family == family and reaching(solver, scene, error)]
-        coarse = _fast_enough([reaching(solver, scene, error) for solver in able], error, 2)
-        yield from _fast_enough([fitted(rung.solver, scene, error) for rung in coarse], error, 1)
+        of_family = [solver for solver in solvers if solver.family == family]
+        coarse = _fast_enough((reaching(solver, scene, error) for solver in of_family), 2 * CLOSE, 2 * slow)
+        yield from _fast_enough((fitted(rung.solver, scene, error) for rung in coarse), CLOSE, slow)
 
 
-def _fast_enough(rungs: Sequence[Rung | None], error: float, margin: float) -> list[Rung]:
+def _fast_enough(rungs: Iterable[Rung | None], close: float, slow: float) -> list[Rung]:
+    """Return the runs that take `close` times the time of the fastest or less, or `slow` [s] or less."""
     found = [rung for rung in rungs if rung is not None]
     least = min((rung.seconds for rung in found), default=nan)
-    return [
-        rung
-        for rung in found
-        if rung.seconds <= margin * CLOSE * least or (error in COARSE and rung.seconds <= margin * SLOW)
-    ]
+    return [rung for rung in found if rung.seconds <= max(close * least, slow)]

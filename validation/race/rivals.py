@@ -154,9 +154,9 @@ def _solve_ivp(method: type[Any], with_jacobian: bool, scene: Scene, tolerance: 
 
     def run() -> Outcome:
         solver = method(f, 0.0, y0, scene.stop, **options)
-        columns, reached, seconds = [solver.y], 1, 0.0
+        columns, reached = [solver.y], 1
         begin = clock()
-        while solver.status == "running" and seconds < cut_off:
+        while solver.status == "running" and (cut_off == inf or clock() - begin < cut_off):
             solver.step()
             passed = reached
             while passed < len(grid) and grid[passed] <= solver.t:
@@ -164,7 +164,7 @@ def _solve_ivp(method: type[Any], with_jacobian: bool, scene: Scene, tolerance: 
             if passed > reached:
                 columns += solver.dense_output()(np.array(grid[reached:passed])).T.tolist()
                 reached = passed
-            seconds = clock() - begin
+        seconds = clock() - begin
         phi, w = np.array(columns, dtype=float).T
         failure = {"running": f"cut off at {cut_off:g} s", "failed": "gave up"}.get(solver.status, "")
         return Outcome(seconds, phi, w, solver.nfev, failure)

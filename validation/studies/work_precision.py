@@ -292,7 +292,6 @@ class RaceScene(Scene):
     TITLE = "race: {0.data.name}"
 
     data: RaceData
-    headline: bool = False
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield who is the fastest to which error, all runs, and pictures."""
@@ -300,7 +299,7 @@ class RaceScene(Scene):
             yield Note(f"{reason[0].upper()}{reason[1:]}.")
         yield show.fastest(fmu, self.data)
         yield show.everything(fmu, self.data)
-        yield show.against_time(fmu, self.data, self.headline)
+        yield show.against_time(fmu, self.data)
         yield show.against_evaluations(fmu, self.data)
 
 
@@ -433,7 +432,7 @@ def against_heyoka(fmu: Fmu) -> Claim:
     if HEYOKA not in {rival.name for rival in rivals(True)[0]}:
         return races.not_measured(AGAINST_HEYOKA, 1.0, "heyoka is not installed: pip install '.[peers]'")
     (taylor_series,) = (solver for solver in carriers.solvers(fmu) if solver.name == "TaylorSeries")
-    race = contest.race([taylor_series, heyoka_to_the_end()], TO_THE_END)
+    race = contest.race([taylor_series, heyoka_to_the_end()], TO_THE_END, SPEND)
     (error,) = TO_THE_END.targets
     ours, theirs = race.fastest(["TaylorSeries"], error), race.fastest([HEYOKA], error)
     if ours is None or theirs is None:
@@ -549,7 +548,7 @@ def _by_error(fmu: Fmu) -> Iterator[Table]:
 
 
 RACES: tuple[Scene, ...] = (
-    *(RaceScene(data, headline=data is UNDAMPED[1]) for data in RACED),
+    *map(RaceScene, RACED),
     Case("race: the Taylor series against heyoka's", _against_heyoka),
     Case(
         "race: substeps against bare loops, and one carrier against the other",
