@@ -92,6 +92,10 @@ def test_every_element_is_closed_and_every_name_stands_once(reader: Reader) -> N
     assert len(reader.ids) == len(set(reader.ids))
 
 
+def test_no_study_takes_the_name_of_another_part() -> None:
+    assert not {"top", "tasks", "margins", "glossary", "faults"} & set(studies.NAMES)
+
+
 def test_links_of_the_contents_reach_their_place(reader: Reader) -> None:
     assert reader.links
     assert all(link.startswith("#") and link[1:] in reader.ids for link in reader.links)

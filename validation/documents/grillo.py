@@ -170,6 +170,8 @@ def _gaussian_plot() -> Plot:
             Curve("as printed", t.tolist(), printed_pulse(t).tolist(), "--"),
             Curve("drive/w02", t.tolist(), (AREA * np.exp(-t * t / 2) / W02).tolist(), ":"),
         ],
+        note="The printed response is too small by a factor of seven and gone after the pulse; the right one follows "
+        "the drive and then rings.",
     )
 
 

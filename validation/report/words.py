@@ -31,14 +31,19 @@ TASKS = (
         "the default, h = 1 ms, is right to some 1e-12; 10 ms to 1e-8",
     ),
     (
-        "stiff drag: gamma/m*h above 2.7",
-        "ImplicitEuler",
-        "stable at every step; first order, so choose h by accuracy",
+        "the last digits, long communication steps, long undamped runs",
+        "TaylorSeries",
+        "h = 0.1 s from 90 deg is right to 1e-14 after 20 s; h has to stay well below the radius of convergence",
     ),
     (
-        "long undamped runs",
-        "ExplicitRungeKutta4",
-        "its energy falls like h^5*t: 10 ms loses 1e-3 in 1e6 s, 1 ms 1e-8",
+        "stiff drag: gamma/m*h above 2.7",
+        "SDIRK4",
+        "stable at every step, order 4; TRBDF2 of order 2 and ImplicitEuler damp as strongly",
+    ),
+    (
+        "undamped swings with long steps that keep their energy",
+        "ImplicitTrapezoid",
+        "no step is unstable and the amplitude stays; order 2",
     ),
     (
         "teaching what a method does wrong",

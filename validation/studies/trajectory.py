@@ -103,6 +103,8 @@ class JacobiScene(Scene):
                 Curve("exact", t.tolist(), remedy.tolist()),
                 Curve("2*asin(k*sn) with SciPy's ellipj", t.tolist(), textbook.tolist(), "--"),
             ],
+            note="For m >= 1 - 1e-10 SciPy's ellipj is right up to the first quarter of the period only; the sums of "
+            "DLMF 22.11 return.",
         )
 
 
