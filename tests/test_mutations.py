@@ -42,6 +42,7 @@ CAUGHT = {
     "grillo": tuple(MUTATIONS),
     "errata": tuple(MUTATIONS),
     "work_precision": tuple(MUTATIONS),
+    "methods": tuple(MUTATIONS),
     "stability": ON_DRAG,
     "stiff_extreme": tuple(MUTATIONS),
 }
