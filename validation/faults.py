@@ -144,8 +144,11 @@ def inject(fmu: Fmu, scene: studies.Scene) -> Injected:
     """Put each fault between the FMU and a scene."""
     made: dict[object, Run] = {}
     healthy = _rows(Faulty(fmu, Fault("none"), made), scene)
-    broken, moved = {}, set()
-    for fault in FAULTS:
+    broken: dict[str, list[str]] = {fault.name: [] for fault in FAULTS}
+    moved: set[str] = set()
+    for fault in (
+        FAULTS if made and healthy else ()
+    ):  # a scene without a run, or without a row, has nothing to break
         with np.errstate(all="ignore"):  # NaN goes through all that a study computes
             rows = _rows(Faulty(fmu, fault, made), scene)
         broken[fault.name] = [row.name for row in rows.values() if row.about is About.FMU and not row.holds]
