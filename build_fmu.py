@@ -340,7 +340,8 @@ def method_rows() -> list[Sequence[str]]:
             "any step" if known.real_limit == inf else f"{known.real_limit:.4g} {SLAVE.names.damping_time}"
         )
         shown = ["any step" if h == inf else "no step" if h == 0 else f"{h:.4g} s" for h in limits]
-        stages = "1 or more (Newton)" if known.stages is None else str(known.stages)
+        implicit = sum(row[-1] != 0.0 for row in known.tableau)
+        stages = f"{implicit} or more (Newton)" if known.stages is None else str(known.stages)
         rows.append((str(method.value), method.name, str(known.order), stages, *shown, stiff))
     return rows
 

@@ -8,7 +8,7 @@ from sys import float_info
 import pytest
 from mpmath import mp, mpf
 
-from methods.solvers import SolverMethod
+from methods.solvers import METHODS, SolverMethod
 from tests.driver import OK, Fmu
 
 EPS = float_info.epsilon
@@ -149,3 +149,21 @@ def test_newton_takes_the_evaluations_that_it_takes_without_rounding(
             assert instance.reset() == OK
             judged += 1
     assert judged > 290
+
+
+@pytest.mark.parametrize(
+    "method", [m for m in SolverMethod if METHODS[m].tableau], ids=lambda method: method.name
+)
+@pytest.mark.parametrize("g", [1.0, -1.0])
+def test_the_noise_of_a_late_clock_does_not_make_a_substep_too_long_for_its_root(
+    fmu: Fmu, method: SolverMethod, g: float
+) -> None:
+    """At 1e7 s times are rounded to 1e-9 s and more; |s| = (d*h)^2 must stay below 1 all the same."""
+    longest = 1.0 / METHODS[method].tableau[-1][-1]
+    start = {"gamma": 0.0, "g": g, "phi_start": 0.0, "solver.method": method, "solver.stepSize": 10.0}
+    with fmu.running(start, time=1e7) as instance:
+        assert instance.step(1e7, longest) == OK
+        assert instance.get("phi", "w") == (0.0, 0.0)
+        # One evaluation for each stage at rest; two substeps have twice as many, an explicit stage counts once.
+        implicit = sum(row[-1] != 0.0 for row in METHODS[method].tableau)
+        assert instance.get("solver.nfev")[0] >= 2 * implicit

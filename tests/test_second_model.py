@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from math import cos, exp, sin, sqrt
+from random import Random
 
 import pytest
 from fmpy.validation import validate_fmu
 from scipy.special import ellipj, ellipk
 
-from methods.solvers import SolverMethod
+from methods.solvers import METHODS, SolverMethod
 from tests.driver import OK, Fmu
 from tests.plants import SECOND_MODEL
 
@@ -78,14 +79,17 @@ def test_the_undamped_hardening_spring_has_the_period_of_the_elliptic_integral(f
 
 @pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)
 def test_both_carriers_give_the_same_bits(carriers: list[Fmu], method: SolverMethod) -> None:
+    h = 3.0 if METHODS[method].tableau else 0.02  # long stages show a Newton step that differs
     runs = []
     for fmu in carriers:
-        start = {"c": 0.3, "x_start": 1.5, "v_start": -0.7, "solver.method": method, "solver.stepSize": 0.02}
-        values = []
-        with fmu.running(start) as instance:
-            for i in range(50):
-                instance.set("F", 0.1 * (i % 7))
-                assert instance.step(0.05 * i, 0.05) == OK
-                values.append(instance.get(*fmu.plant.calculated))
+        random, values = Random(1), []
+        for _ in range(30):
+            start = {name: random.uniform(0.1, 5.0) for name in ("m", "c", "k", "k3")}
+            start |= {name: random.uniform(-2.0, 2.0) for name in ("x_start", "v_start")}
+            with fmu.running(start | {"solver.method": method, "solver.stepSize": h}) as instance:
+                for i in range(10):
+                    instance.set("F", random.uniform(-5.0, 5.0))
+                    assert instance.step(2.5 * h * i, 2.5 * h) == OK
+                    values.append(instance.get(*fmu.plant.calculated))
         runs.append(values)
     assert runs[0] == runs[1]

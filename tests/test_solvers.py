@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from mpmath import mp, mpc, mpf
 
 from damped_pendulum.model import Motion, Pendulum, solve_kepler
+from methods.implicit import MAX_EVALUATIONS, newton_stage
 from methods.solvers import (
     MAX_SUBSTEPS,
     METHODS,
@@ -224,6 +225,14 @@ def test_a_taylor_step_is_the_sum_of_the_series(motion: Motion, phi: float, w: f
     assert abs(found_phi - exact_phi) <= bound * sizes[0]
     assert abs(found_w - exact_w) <= bound * (sizes[1] + h * abs(motion.w02))
     assert nfev == order
+
+
+@pytest.mark.parametrize("b", [1.02, 1.1])
+def test_newtons_method_ends_where_there_is_more_than_one_solution(b: float) -> None:
+    """A b beyond the longest implicit stage, by which it would go around for ever."""
+    for x, v in ((3.128151460538353, 0.0), (0.0, 2.9917913376116285)):
+        *_, evaluations = newton_stage(lambda x, _: -sin(x), lambda x, _: (-cos(x), 0.0), b, x, v)
+        assert evaluations <= MAX_EVALUATIONS
 
 
 @given(

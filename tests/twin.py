@@ -7,7 +7,7 @@ from copy import copy
 from typing import Any
 
 from methods.integration import Integration
-from methods.solvers import METHODS, SolverMethod, substeps
+from methods.solvers import METHODS, SolverMethod
 from tests.plants import PENDULUM, Plant
 
 
@@ -27,10 +27,13 @@ class Twin:
         self.drive = values[plant.drive]
         method = SolverMethod(values["solver.method"])
         self.solve = METHODS[method].solver
-        self.max_step = longest_substep(method, values["solver.stepSize"], self.model, plant)
+        self.integration = Integration(
+            method, values["solver.stepSize"], self.model.motion(0.0), plant.system, plant.effort
+        )
+        self.max_step = self.integration.max_step
 
     def step(self, time: float, duration: float) -> None:
-        n = substeps(time, duration, self.max_step)
+        n = self.integration.substeps(time, duration)
         motion = self.model.motion(self.drive)
         self.x, self.v, nfev = self.solve(motion, self.x, self.v, duration / n, n)
         self.nfev += nfev

@@ -124,7 +124,8 @@ def types_of(variables: Iterable[Variable], *own: Type) -> tuple[Type, ...]:
     """
     used = {variable.type: variable.name for variable in variables}
     known = (*TYPES, *own)
-    for unknown in used.keys() - {type_.name for type_ in known} - {SOLVER_METHODS.name, EVALUATIONS.type}:
+    own_names = {type_.name for type_ in known} | {SOLVER_METHODS.name, EVALUATIONS.type}
+    for unknown in sorted(used.keys() - own_names):
         raise ValueError(
             f"{used[unknown]} has the type {unknown}, which is none of fmi/rows.py or of the model"
         )
@@ -132,6 +133,16 @@ def types_of(variables: Iterable[Variable], *own: Type) -> tuple[Type, ...]:
 
 
 def units_of(types: Iterable[Type], *own: Unit) -> tuple[Unit, ...]:
-    """Return the units that `types` have: of those above, and of a model's `own`."""
-    used = {type_.unit for type_ in types}
-    return tuple(unit for unit in (*UNITS, *own) if unit.name in used)
+    """Return the units that `types` have: of those above, and of a model's `own`.
+
+    Raises
+    ------
+    ValueError : a type has another unit
+    """
+    used = {type_.unit: type_.name for type_ in types}
+    known = (*UNITS, *own)
+    for unknown in sorted(used.keys() - {unit.name for unit in known}):
+        raise ValueError(
+            f"{used[unknown]} has the unit {unknown}, which is none of fmi/rows.py or of the model"
+        )
+    return tuple(unit for unit in known if unit.name in used)

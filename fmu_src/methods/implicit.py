@@ -18,10 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import repeat
-from math import inf, isfinite, sqrt
+from math import inf, isfinite, nan, sqrt
 from typing import Any
 
 from .motion import Acceleration, Solver
+
+MAX_EVALUATIONS = 200  # of `newton_stage`: bisection alone takes one for each of the 64 bits of a double
 
 Tableau = tuple[tuple[float, ...], ...]
 
@@ -122,3 +124,5 @@ def newton_stage(
         v, x = after, phi + b * after
         if is_last or not isfinite(x) or after in (low, high):
             return x, v, evaluations
+        if evaluations == MAX_EVALUATIONS:
+            return nan, nan, evaluations

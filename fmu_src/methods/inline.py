@@ -7,6 +7,7 @@ equals that of the solver as it reads in `explicit.py` bit for bit, but for the 
 from __future__ import annotations
 
 import ast
+from collections.abc import Mapping
 from functools import cache
 from inspect import getsource
 from itertools import repeat
@@ -19,7 +20,8 @@ from .motion import Motion, Solver
 def inlined(solver: Solver, motion: Motion) -> Solver:
     """Return `solver` for motions with the acting terms of `motion`; unchanged where it has no source to rewrite.
 
-    A term whose coefficient is zero is left out, which changes no value but the sign of a zero.
+    A term whose coefficient is zero is left out, which changes no value but the sign of a zero where its factor is
+    finite.
     """
     acting = tuple(map(bool, motion.coefficients()))
     return _inlined(solver, type(motion), acting)
@@ -44,7 +46,9 @@ def _inlined(solver: Solver, motion: type[Motion], acting: tuple[bool, ...]) -> 
         return solver
     terms = motion.terms()
     expression = " + ".join(term for term, acts in zip(terms.values(), acting, strict=True) if acts)
-    tree = _Inline(", ".join(terms), expression or "0.0").visit(ast.parse(source))
+    # No name of a model may be one of the solver.
+    own = {name: ast.Name(f"{name}_of_model") for name in terms}
+    tree = _Inline(own, expression or "0.0").visit(ast.parse(source))
     names: dict[str, Any] = {"repeat": repeat, **motion.functions()}
     exec(ast.unparse(tree), names)
     inlined_solver: Solver = names[tree.body[0].name]
@@ -54,26 +58,27 @@ def _inlined(solver: Solver, motion: type[Motion], acting: tuple[bool, ...]) -> 
 class _Inline(ast.NodeTransformer):
     """Replaces acceleration(x, y) by the expression with x for phi and y for w."""
 
-    def __init__(self, coefficients: str, expression: str) -> None:
+    def __init__(self, coefficients: Mapping[str, ast.Name], expression: str) -> None:
         self.coefficients, self.expression = coefficients, expression
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST:
         if ast.unparse(node) == "acceleration = motion.acceleration()":
-            return ast.parse(f"{self.coefficients} = motion.coefficients()").body[0]
+            names = ", ".join(name.id for name in self.coefficients.values())
+            return ast.parse(f"{names} = motion.coefficients()").body[0]
         return self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
         if not (isinstance(node.func, ast.Name) and node.func.id == "acceleration"):
             return self.generic_visit(node)
         phi, w = node.args
-        expression: ast.expr = _Substitute({"phi": phi, "w": w}).visit(
+        expression: ast.expr = _Substitute({**self.coefficients, "phi": phi, "w": w}).visit(
             ast.parse(self.expression, mode="eval").body
         )
         return expression
 
 
 class _Substitute(ast.NodeTransformer):
-    def __init__(self, values: dict[str, ast.expr]) -> None:
+    def __init__(self, values: Mapping[str, ast.expr]) -> None:
         self.values = values
 
     def visit_Name(self, node: ast.Name) -> ast.AST:

@@ -31,7 +31,8 @@ class Integration:
         self.method, self.system, self.drive = method, system, drive
         self.limit = stability_limit(method, motion.damping_rate, motion.w02)
         diagonal = METHODS[method].diagonal
-        self.max_step = min(step_size, motion.longest_implicit_stage() / diagonal if diagonal else inf)
+        self._longest = motion.longest_implicit_stage() / diagonal if diagonal else inf
+        self.max_step = min(step_size, self._longest)
         self._motion: Motion
         self._solve: Solver
 
@@ -45,6 +46,12 @@ class Integration:
         """Take `motion`, with its drive, for the steps to come."""
         self._motion, self._solve = motion, inlined(METHODS[self.method].solver, motion)
 
+    def substeps(self, time: float, duration: float) -> int:
+        """Return the number of substeps of a step from `time` over `duration` [s]; see `solvers.substeps`."""
+        n = substeps(time, duration, self.max_step)
+        # What the noise of the clock adds may not take an implicit stage beyond half of the margin of its length.
+        return n + 1 if duration / n > self._longest * (1.0 + 5e-10) else n
+
     def advance(self, phi: float, w: float, time: float, duration: float) -> tuple[float, float, int]:
         """Return the state after a step from `time` over `duration` [s], and its evaluations.
 
@@ -52,22 +59,22 @@ class Integration:
         ------
         OverflowError : the substeps would be too many or too short, or leave the range of a double
         """
-        n = substeps(time, duration, self.max_step)
+        n = self.substeps(time, duration)
         h = duration / n
         try:
             phi_then, w_then, nfev = self._solve(self._motion, phi, w, h, n)
         except ValueError:  # math.sin(inf)
-            self._report_divergence(phi, w, time, h)
+            self._report_divergence(phi, w, time, h, n)
         if not (isfinite(phi_then) and isfinite(w_then)):
-            self._report_divergence(phi, w, time, h)
+            self._report_divergence(phi, w, time, h, n)
         # The sign of a zero depends on the terms that are left out: -0.0 becomes 0.0.
         return phi_then + 0.0, w_then + 0.0, nfev
 
-    def _report_divergence(self, phi: float, w: float, time: float, h: float) -> NoReturn:
-        """Raise with the substep that left the range of a double, found by taking them one by one."""
+    def _report_divergence(self, phi: float, w: float, time: float, h: float, n: int) -> NoReturn:
+        """Raise with the substep that left the range of a double, found by taking the `n` one by one."""
         count = 0
         try:
-            while isfinite(phi) and isfinite(w):
+            while isfinite(phi) and isfinite(w) and count < n:
                 count += 1
                 phi, w, _ = self._solve(self._motion, phi, w, h, 1)
         except ValueError:  # math.sin(inf)

@@ -15,7 +15,7 @@ class Motion(Protocol):
 
     @property
     def damping_rate(self) -> float:
-        """Minus the partial derivative of a with respect to w at the stable equilibrium [1/s], >= 0."""
+        """Minus the partial derivative of a with respect to w where the model rests [1/s], >= 0."""
 
     @property
     def w02(self) -> float:

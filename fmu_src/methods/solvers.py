@@ -51,6 +51,7 @@ class Method(NamedTuple):
     order : order of consistency; the stability function of an explicit method is the polynomial of exp of this degree
     stages : evaluations of the acceleration in a substep, None where they vary
     real_limit : the method is stable for h*lambda in [-real_limit, 0]; inf: in the whole left half plane
+    description : what the interface says of it
     tableau : of an implicit method, else empty
     """
 
@@ -102,10 +103,10 @@ METHODS = {
 def stability_limit(method: SolverMethod, damping_rate: float, w02: float) -> float:
     """Return the substep [s] up to which all are stable for small swings about the stable equilibrium.
 
-    It is the largest h with |R(h'*lambda)| <= 1 for all h' <= h and both eigenvalues
-    lambda = (-k2 +- sqrt(k2^2 - 4*w02))/2, k2 = `damping_rate` [1/s] >= 0. With w02 < 0 [1/s2] the stable
-    equilibrium is the upright position. The result is 0 where no step is stable and inf where every step is. Large
-    swings can ask for less.
+    It is the largest h with |R(h'*lambda)| <= 1 for all h' <= h, gaps narrower than 1/16 of 1/w0 aside, and both
+    eigenvalues lambda = (-k2 +- sqrt(k2^2 - 4*w02))/2, k2 = `damping_rate` [1/s] >= 0. Where w02 < 0 [1/s2] the model
+    runs away from where it rests: the limit is that of swings as fast as this. The result is 0 where no step is stable
+    and inf where every step is. Large swings can ask for less.
     """
     known = METHODS[method]
     if known.real_limit == inf or (damping_rate == 0.0 and w02 == 0.0):

@@ -23,6 +23,7 @@ import fmpy
 
 from fmi.second_order import Names
 from fmi.tables import Range, Variable
+from methods.implicit import MAX_EVALUATIONS
 from methods.solvers import MAX_SUBSTEPS, METHODS, SolverMethod
 from methods.taylor import ORDER as TAYLOR_ORDER
 from slave import SLAVE
@@ -45,9 +46,7 @@ SHELL = (
 )
 # The one file that knows the model, see model.h.
 (MODEL_FILE,) = {path.name for path in FOLDER.glob("*.c")} - {*SOURCES, *SHELL}
-MAX_INPUT_ORDER = (
-    3  # of the derivatives of the input; with these no Runge-Kutta method loses any of its order
-)
+MAX_INPUT_ORDER = 3  # of the derivatives of the input; with them every method has the order 4, or its own
 MAX_OUTPUT_ORDER = 1  # of the derivatives that fmi2GetRealOutputDerivatives knows
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = (
@@ -106,6 +105,7 @@ def header(guid: str) -> str:
         "MODEL": _model(SLAVE.names),
         "METHODS": ", ".join(f"{method.name} = {method.value}" for method in SolverMethod),
         "METHOD_ROWS": "\n".join(map(_method_row, SolverMethod)),
+        "MAX_EVALUATIONS": str(MAX_EVALUATIONS),
         "MAX_STAGES": str(max(len(method.tableau) for method in METHODS.values())),
         "TAYLOR_ORDER": str(TAYLOR_ORDER),
         "MAX_SUBSTEPS": str(MAX_SUBSTEPS),

@@ -96,6 +96,11 @@ static inline int64_t newton_stage(const Model *model, double b, double drive, d
         *v = next;
         *x = x_before + b * next;
         if (is_last || !isfinite(*x) || next == low || next == high) return evaluations;
+        if (evaluations == MAX_EVALUATIONS) {
+            *x = NAN;
+            *v = NAN;
+            return evaluations;
+        }
     }
 }
 
@@ -266,10 +271,15 @@ static double stability_limit(const Motion *p) {
     }
 }
 
-static double longest_substep(const Motion *p, double step_size) {
+/* Upper bound of the substeps [s] by the implicit stages. */
+static double longest_of_stages(const Motion *p) {
     const int stages = METHODS[p->method].stages;
-    if (stages == 0) return step_size;
-    return fmin(step_size, model_longest_implicit_stage(&p->model) / METHODS[p->method].A[stages - 1][stages - 1]);
+    if (stages == 0) return INFINITY;
+    return model_longest_implicit_stage(&p->model) / METHODS[p->method].A[stages - 1][stages - 1];
+}
+
+static double longest_substep(const Motion *p, double step_size) {
+    return fmin(step_size, longest_of_stages(p));
 }
 
 /* Add what to do about substeps of h [s] that went wrong or will. */
@@ -330,10 +340,10 @@ static bool has_no_substeps(double time, double duration, double max_step, doubl
     return true;
 }
 
-/* Write that, and where, the substeps of h [s] from `time` left the range of a double: take them one by one. */
-static void report_divergence(const Motion *p, double x, double v, double time, double h, Text *text) {
+/* Write that, and where, the n substeps of h [s] from `time` left the range of a double: take them one by one. */
+static void report_divergence(const Motion *p, double x, double v, double time, double h, int64_t n, Text *text) {
     int64_t count = 0;
-    while (isfinite(x) && isfinite(v)) {
+    while (isfinite(x) && isfinite(v) && count < n) {
         integrate(p, &x, &v, h, count, 1);
         count++;
     }
@@ -345,14 +355,16 @@ static void report_divergence(const Motion *p, double x, double v, double time, 
 
 static bool advance(const Motion *p, double time, double duration, double max_step, double *x, double *v, int64_t *nfev,
                     Text *text) {
-    const double n = substeps(time, duration, max_step);
+    double n = substeps(time, duration, max_step);
     if (has_no_substeps(time, duration, max_step, n, text)) return false;
+    /* What the noise of the clock adds may not take an implicit stage beyond half of the margin of its length. */
+    if (duration / n > longest_of_stages(p) * (1.0 + 5e-10)) n += 1.0;
     const double h = duration / n;
     double x_then = *x;
     double v_then = *v;
     const int64_t evaluations = integrate(p, &x_then, &v_then, h, 0, (int64_t)n);
     if (!(isfinite(x_then) && isfinite(v_then))) {
-        report_divergence(p, *x, *v, time, h, text);
+        report_divergence(p, *x, *v, time, h, (int64_t)n, text);
         return false;
     }
     *x = x_then + 0.0; /* -0.0 becomes 0.0 */

@@ -1,6 +1,6 @@
 /* The fixed-step methods for der(x) = v, der(v) = a(t, x, v), their substeps and what to say where they go wrong.
  *
- * solvers.py and integration.py of the FMU with Python are the specification: the order of the operations is theirs, so
+ * The Python modules of the same methods are the specification: the order of the operations is theirs, so
  * that the results are the same bits. t [s] counts from the beginning of a communication step. */
 #ifndef METHODS_H
 #define METHODS_H

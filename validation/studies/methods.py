@@ -151,7 +151,7 @@ def _radius(fmu: Fmu) -> Iterator[Result]:
         "error of (phi, w/w0) [rad]",
         [*curves, Curve("nearest singularities, 30 deg", shares, bound, line="--")],
         "xy",
-        note="Radius K(k')/w0 without drag. A sixth of it leaves rounding, a quarter nine digits, a third six.",
+        note="Radius K(k')/w0 without drag. A step of a sixth errs by about 1e-13, a quarter 1e-10, a third 1e-8.",
     )
 
 

@@ -86,7 +86,7 @@ static double model_partial_derivative(const Model *model, double drive, double 
     const double square = x * x;
     const double cube = square * x;
     switch (known) {
-    case VR_x: return of_a ? -model->w02 - 3.0 * model->hardening * square : model->k * x + model->k3 * cube;
+    case VR_x: return of_a ? -model->w02 - 3.0 * model->hardening * x * x : model->k * x + model->k3 * cube;
     case VR_v: return of_a ? -model->damping_rate : model->m * v;
     case VR_F: return of_a ? 1.0 / model->m : 0.0;
     case VR_m: return of_a ? -model_acceleration(model, drive, x, v) / model->m : 0.5 * (v * v);
