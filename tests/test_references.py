@@ -151,6 +151,18 @@ def taylor(phi0, rate0, w02, stop, k2=0):
     return phi, w
 
 
+@pytest.mark.parametrize("phi0", [0.3, pi / 2, 2.9])
+def test_a_fall_through_strong_drag_against_the_taylor_series(phi0):
+    k2 = 300.0
+    times = [0.0, 1.0, 30.0]
+    phi, w = references.overdamped_fall(times, phi0, k2, W02)
+    exact, exact_rate = series.motion(times, phi0, 0.0, k2, W02)
+    # The next terms are e^2, a few times over, and logarithms of the fall, below 10.
+    bound = 10 * (W02 / k2**2) ** 2
+    assert phi == pytest.approx(exact, rel=bound, abs=0)
+    assert w == pytest.approx(exact_rate, rel=bound, abs=0)
+
+
 def test_taylor_series_keeps_its_digits_at_large_angles():
     """Whole turns change nothing but the angle."""
     times = [0.0, 0.5]

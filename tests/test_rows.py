@@ -28,3 +28,10 @@ def test_a_type_that_is_in_no_table_is_refused_by_name() -> None:
         ValueError, match=r"^q has the type Flux, which is none of fmi/rows\.py or of the model$"
     ):
         types_of([PLAIN, OWN])
+
+
+def test_a_unit_that_is_in_no_table_is_refused_by_name() -> None:
+    with pytest.raises(
+        ValueError, match=r"^Flux has the unit Wb, which is none of fmi/rows\.py or of the model$"
+    ):
+        units_of([Type("Mass", "kg"), Type("Flux", "Wb")])

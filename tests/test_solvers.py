@@ -18,7 +18,7 @@ from methods.solvers import (
     substeps,
 )
 from methods.taylor import convolution, total
-from tests.twin import longest_substep
+from tests.twin import integration
 
 W02 = 9.80665
 HALF, SIXTH, THIRD = Fraction(1, 2), Fraction(1, 6), Fraction(1, 3)
@@ -348,7 +348,7 @@ def test_the_length_of_a_substep_is_limited_by_its_roots_in_the_implicit_methods
     method: SolverMethod, w02: float
 ) -> None:
     pendulum = Pendulum(1.0, 1.0, 0.1, w02)
-    longest = longest_substep(method, inf, pendulum)
+    longest = integration(method, inf, pendulum).max_step
     if method not in IMPLICIT or w02 == 0.0:
         assert longest == inf
     else:

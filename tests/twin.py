@@ -11,9 +11,9 @@ from methods.solvers import METHODS, SolverMethod
 from tests.plants import PENDULUM, Plant
 
 
-def longest_substep(method: SolverMethod, step_size: float, model: Any, plant: Plant = PENDULUM) -> float:
-    """Return the upper bound of the substeps [s]."""
-    return Integration(method, step_size, model.motion(0.0), plant.system, plant.effort).max_step
+def integration(method: SolverMethod, step_size: float, model: Any, plant: Plant = PENDULUM) -> Integration:
+    """Return the communication steps of `model`."""
+    return Integration(method, step_size, model.motion(0.0), plant.system, plant.effort)
 
 
 class Twin:
@@ -27,9 +27,7 @@ class Twin:
         self.drive = values[plant.drive]
         method = SolverMethod(values["solver.method"])
         self.solve = METHODS[method].solver
-        self.integration = Integration(
-            method, values["solver.stepSize"], self.model.motion(0.0), plant.system, plant.effort
-        )
+        self.integration = integration(method, values["solver.stepSize"], self.model, plant)
         self.max_step = self.integration.max_step
 
     def step(self, time: float, duration: float) -> None:

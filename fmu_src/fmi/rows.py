@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import pi
+from typing import TypeVar
 
 from methods.solvers import METHODS, SolverMethod
 
 from .tables import POSITIVE, Enumeration, Item, Range, Type, Unit, Variable
+
+Row = TypeVar("Row", Type, Unit)
 
 # Names, units and exponents are those of Modelica.Units.SI.
 UNITS = (
@@ -122,14 +125,8 @@ def types_of(variables: Iterable[Variable], *own: Type) -> tuple[Type, ...]:
     ------
     ValueError : a variable has another type
     """
-    used = {variable.type: variable.name for variable in variables}
-    known = (*TYPES, *own)
-    own_names = {type_.name for type_ in known} | {SOLVER_METHODS.name, EVALUATIONS.type}
-    for unknown in sorted(used.keys() - own_names):
-        raise ValueError(
-            f"{used[unknown]} has the type {unknown}, which is none of fmi/rows.py or of the model"
-        )
-    return tuple(type_ for type_ in known if type_.name in used)
+    reals = (row for row in variables if row.type not in (SOLVER_METHODS.name, EVALUATIONS.type))
+    return _used("type", {variable.type: variable.name for variable in reals}, (*TYPES, *own))
 
 
 def units_of(types: Iterable[Type], *own: Unit) -> tuple[Unit, ...]:
@@ -139,10 +136,11 @@ def units_of(types: Iterable[Type], *own: Unit) -> tuple[Unit, ...]:
     ------
     ValueError : a type has another unit
     """
-    used = {type_.unit: type_.name for type_ in types}
-    known = (*UNITS, *own)
-    for unknown in sorted(used.keys() - {unit.name for unit in known}):
-        raise ValueError(
-            f"{used[unknown]} has the unit {unknown}, which is none of fmi/rows.py or of the model"
-        )
-    return tuple(unit for unit in known if unit.name in used)
+    return _used("unit", {type_.unit: type_.name for type_ in types}, (*UNITS, *own))
+
+
+def _used(kind: str, users: Mapping[str, str], known: tuple[Row, ...]) -> tuple[Row, ...]:
+    """Return the rows of `known` whose name is a key of `users`, which are what has them."""
+    for name in sorted(users.keys() - {row.name for row in known}):
+        raise ValueError(f"{users[name]} has the {kind} {name}, which is none of fmi/rows.py or of the model")
+    return tuple(row for row in known if row.name in users)

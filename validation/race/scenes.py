@@ -106,9 +106,7 @@ def _by_faddeeva(scene: Scene) -> references.State:
 
 
 def _overdamped(scene: Scene) -> references.State:
-    """Return the slow motion tan(phi/2) = tan(phi0/2)*exp(-w02*t/k2), to a relative w02/k2^2."""
-    phi = 2 * np.arctan(np.tan(scene.phi0 / 2) * np.exp(-W02 / scene.k2 * np.array(scene.grid)))
-    return phi, np.where(np.array(scene.grid) > 0, -W02 / scene.k2 * np.sin(phi), scene.rate0)
+    return references.overdamped_fall(scene.grid, scene.phi0, scene.k2, W02)
 
 
 REFERENCES = {

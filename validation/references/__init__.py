@@ -46,6 +46,7 @@ from .linear import (
     sinusoidal_response,
     step_response,
 )
+from .overdamped import overdamped_fall
 
 __all__ = [
     "Array",
@@ -66,6 +67,7 @@ __all__ = [
     "jacobi",
     "libration",
     "motion",
+    "overdamped_fall",
     "period",
     "period_by_ellipk",
     "period_by_ellipkm1",

@@ -177,16 +177,6 @@ def _libration(angle: float) -> Exact:
     return lambda t: references.libration(t, radians(angle), W02)
 
 
-def _overdamped(k2: float) -> Exact:
-    """Return the slow motion from 90 deg at rest, tan(phi/2) = exp(-w02*t/k2), to a relative w02/k2^2."""
-
-    def at(t: Sequence[float]) -> references.State:
-        phi = 2 * np.arctan(np.exp(-W02 / k2 * np.asarray(t)))
-        return phi, np.where(np.asarray(t) > 0, -W02 / k2 * np.sin(phi), 0.0)
-
-    return at
-
-
 SMALL = 1e-9  # amplitude of the linear scenes [rad]
 PULSE = {"center": 4.0, "variance": 0.09}  # of the Gaussian drive: [s], [s2]
 PERIODS = 10
@@ -270,7 +260,7 @@ SCENES: tuple[Scene, ...] = (
         {"gamma": 1e6, "phi_start": radians(90)},
         2.0**17,
         2.0**14,
-        _overdamped(1e6),
+        lambda t: references.overdamped_fall(t, radians(90), 1e6, W02),
         k2=1e6,
         slopes={SolverMethod.ImplicitEuler: -8, SolverMethod.TRBDF2: -11, SolverMethod.SDIRK4: -12},
         limits={
