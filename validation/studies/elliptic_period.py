@@ -310,6 +310,7 @@ def _against_step(fmu: Fmu) -> Iterator[Result]:
         "error of the state [rad]",
         curves,
         "xy",
+        y_range=(1e-17, 10.0),
         note="Parallel to the dotted lines, the errors fall with the order of the method, down to rounding at 1e-15.",
     )
 
