@@ -55,6 +55,26 @@ def test_period_has_the_digits_of_40_digit_arithmetic(amplitude):
         assert abs(references.period_by_ellipkm1(angle, g) - exact) <= 4 * EPS * exact + 1.5 * moved
 
 
+@pytest.mark.parametrize("degrees", [90.0, -90.0, np.nan])
+@pytest.mark.parametrize(
+    ("name", "reference"),
+    [
+        ("amplitude", lambda angle: references.period(angle, W02)),
+        ("amplitude", lambda angle: references.libration(1.0, angle, W02)),
+        ("phi0", lambda angle: references.overdamped_fall(1.0, angle, 1e3, W02)),
+    ],
+)
+def test_an_angle_in_degrees_is_refused(name, reference, degrees):
+    with pytest.raises(ValueError, match=rf"{name} = {degrees} rad \(allowed: .* of degrees"):
+        reference(degrees)
+
+
+@pytest.mark.parametrize("turns", [8, 200_000])
+def test_upright_after_any_number_of_turns_is_an_amplitude(turns):
+    upright = (2 * turns + 1) * pi  # less its turns it is more than pi, by rounding
+    assert references.motion(0.0, upright, 0.0, W02)[0] == pytest.approx(upright, rel=1e-12, abs=0)
+
+
 @pytest.mark.parametrize("amplitude", [1e-8, 0.5, 2.0, 3.1, 3.1415, pi - 1e-8])
 def test_period_slope_is_the_derivative(amplitude):
     a = mp.mpf(amplitude)

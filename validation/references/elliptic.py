@@ -24,10 +24,21 @@ def agm(a: float, b: float) -> float:
 def period(amplitude: float, w02: float) -> float:
     """Return the period [s] of undamped swings, T = 2*pi/(w0*AGM(1, cos(amplitude/2))).
 
-    [C] (14) and (20), with AGM(1 + k, 1 - k) = AGM(1, k'), which does not cancel near the upright position. The
-    `amplitude` [rad] lies between 0 and pi, both excluded.
+    [C] (14) and (20), with AGM(1 + k, 1 - k) = AGM(1, k'), which does not cancel near the upright position.
+
+    Raises
+    ------
+    ValueError : the `amplitude` [rad] is not one of a swing
     """
+    _require_swing(amplitude)
     return 2 * pi / (sqrt(w02) * agm(1.0, cos(amplitude / 2)))
+
+
+def _require_swing(amplitude: float) -> None:
+    if not abs(amplitude) <= pi + 1e-9:  # turns that were taken off leave their rounding
+        raise ValueError(
+            f"amplitude = {amplitude} rad (allowed: -pi to pi; math.radians makes rad of degrees)"
+        )
 
 
 def period_by_ellipkm1(amplitude: float, w02: float) -> float:
@@ -131,10 +142,15 @@ def _sech(x: Array) -> Array:
 
 
 def libration(t: ArrayLike, amplitude: float, w02: float) -> State:
-    """Return phi and w of undamped swings released at rest from `amplitude`, |amplitude| < pi.
+    """Return phi [rad] and w [rad/s] at `t` [s] of undamped swings released at rest from `amplitude` [rad].
 
     phi = 2*atan2(k*cn, k'), w = -2*k*k'*w0*sn/dn at u = w0*t: no arcsine, so no loss of digits at the turning points.
+
+    Raises
+    ------
+    ValueError : the `amplitude` is not one of a swing
     """
+    _require_swing(amplitude)
     k, k1, w0 = sin(amplitude / 2), cos(amplitude / 2), sqrt(w02)
     if k == 0:
         return np.zeros_like(t, dtype=float), np.zeros_like(t, dtype=float)
@@ -143,7 +159,7 @@ def libration(t: ArrayLike, amplitude: float, w02: float) -> State:
 
 
 def motion(t: ArrayLike, phi0: float, rate0: float, w02: float) -> State:
-    """Return phi and w of the undamped pendulum from any initial state; [DLMF] 22.19(i).
+    """Return phi [rad] and w [rad/s] at `t` [s] of the undamped pendulum from any initial state; [DLMF] 22.19(i).
 
     Swings for m < 1, the separatrix for m = 1, rotation over the top for m > 1, where
     m = sin(phi0/2)^2 + (rate0/(2*w0))^2 is the energy in units of that of the upright position.

@@ -13,7 +13,13 @@ def overdamped_fall(t: ArrayLike, phi0: float, k2: float, w02: float) -> State:
 
     With e = w02/k2^2 the motion takes the slow path w = -w02/k2*sin(phi)*(1 + e*cos(phi)) after the time 1/k2, from
     phi0 + e*sin(phi0) on: the expansion of phi'' + k2*phi' + w02*sin(phi) = 0 in powers of e.
+
+    Raises
+    ------
+    ValueError : `phi0` [rad] is not between 0 and pi
     """
+    if not 0 < phi0 < np.pi:
+        raise ValueError(f"phi0 = {phi0} rad (allowed: between 0 and pi; math.radians makes rad of degrees)")
     times = np.asarray(t, dtype=float)
     e = w02 / k2**2
     begin = phi0 + e * np.sin(phi0)
