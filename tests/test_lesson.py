@@ -19,6 +19,8 @@ from nbclient.exceptions import CellExecutionError
 
 from validation.references import discrete
 
+pytestmark = pytest.mark.slow
+
 LESSON = Path(__file__).resolve().parent.parent / "validation" / "lesson.ipynb"
 NOTEBOOK = nbformat.reads(LESSON.read_text("utf-8"), as_version=4)
 CODE = {cell.id: cell.source for cell in NOTEBOOK.cells if cell.cell_type == "code"}
@@ -98,11 +100,13 @@ def lesson(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         for name in ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR"):
             patch.setenv(name, str(home / name))
         patch.setenv("MPLCONFIGDIR", str(home))
+        patch.delenv("MPLBACKEND", raising=False)  # the kernel has its own
         subprocess.run([sys.executable, "-c", "import matplotlib.font_manager"], check=True)
         # Without folders to look in, the kernel's specification is the one of this Python.
         kernel = KernelManager(kernel_spec_manager=KernelSpecManager(kernel_dirs=[]))
         notebook = nbformat.reads(LESSON.read_text("utf-8"), as_version=4)
-        client = NotebookClient(notebook, km=kernel, resources={"metadata": {"path": project / "validation"}})
+        place = {"metadata": {"path": project / "validation"}}
+        client = NotebookClient(notebook, km=kernel, resources=place, timeout=600)
         with client.setup_kernel(cleanup_kc=True):
             for i, cell in enumerate(notebook.cells):
                 client.execute_cell(cell, i)
