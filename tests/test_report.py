@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from validation import studies
+from validation import races, studies
 from validation.checks import Check, Curve, Note, Plot, Table, formula
 from validation.documents import coverage
 from validation.report import cells, page
@@ -102,12 +102,14 @@ def test_links_of_the_contents_reach_their_place(reader: Reader) -> None:
     assert all(link.startswith("#") and link[1:] in reader.ids for link in reader.links)
 
 
-def test_the_verdict_is_in_two_counts(text: str) -> None:
+def test_the_verdict_counts_each_kind_of_rows(text: str) -> None:
     assert "<b>1 of 2</b> rows about the FMU hold" in text
     assert "<b>1 of 1</b> rows about the documents and formulas hold" in text
     assert summary(SECTIONS[:1]) == (
         "1 of 1 rows about the FMU hold; 1 of 1 rows about the documents and formulas hold"
     )
+    missed = Section("race", "A race", "x", [races.not_measured("time: of a run", 2.0, "no rival is there")])
+    assert summary([missed]) == "0 of 1 rows about run times on this machine hold"
 
 
 def test_failing_rows_come_first_and_open(text: str) -> None:

@@ -11,10 +11,14 @@ from numpy.typing import ArrayLike
 
 
 class About(Enum):
-    """What a check is about: a fault of the FMU can break a row of the first kind, and must not touch the second."""
+    """What a check is about: a fault of the FMU can break a row of the first kind, and must not touch the second.
+
+    Rows of the third kind depend on the machine, too.
+    """
 
     FMU = "the FMU"
     FORMULAS = "the documents and formulas"
+    TIMES = "run times on this machine"
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from math import comb, nan
 from time import perf_counter, thread_time
 from typing import TypeVar
 
-from .checks import Check
+from .checks import About, Check
 
 Name = TypeVar("Name", bound=Hashable)
 Runner = Callable[[], float]  # runs once and returns the time [s] of what is raced
@@ -101,6 +101,7 @@ class Claim(Check):
     """A row about a ratio, of which it judges the end of the interval; None: it could not be measured."""
 
     ratio: Ratio | None = None
+    about: About = About.TIMES
 
     @property
     def verdict(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..checks import About, Check
 
+KINDS = {About.FMU: "FMU", About.FORMULAS: "formulas", About.TIMES: "times"}
 CHECK_COLUMNS = (
     "check",
     "about",
@@ -40,7 +41,7 @@ def check_cells(check: Check) -> tuple[str, ...]:
     """Return a check as the cells of `CHECK_COLUMNS`."""
     return (
         check.name,
-        "FMU" if check.about is About.FMU else "formulas",
+        KINDS[check.about],
         number(check.measured),
         ">=" if check.at_least else "<=",
         number(check.bound),

@@ -43,7 +43,7 @@ class Count:
 
 
 def counts(sections: Iterable[Section]) -> list[Count]:
-    """Return how many rows hold, those about the FMU and those about formulas apart."""
+    """Return how many rows of each kind hold."""
     checks = [check for section in sections for check in section.checks]
     by_kind = {about: [check.holds for check in checks if check.about is about] for about in About}
     return [Count(about.value, sum(holds), len(holds)) for about, holds in by_kind.items() if holds]
