@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from validation import faults, studies
@@ -104,6 +105,17 @@ def test_a_late_torque_is_that_of_the_step_before() -> None:
     late = faults.late_torque(Experiment(0.3, 0.1, torque=lambda t: 1.0 + t)).torque
     assert late is not None
     assert [late(t) for t in (0.0, 0.1, 0.2)] == [0.0, 1.0, 1.1]
+
+
+def test_an_interpolated_torque_is_scaled_and_late_like_a_held_one() -> None:
+    inputs = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    experiment = Experiment(0.3, 0.1, inputs=inputs)
+    late, scaled = faults.late_torque(experiment).inputs, faults.scaled_torque(2.0)(experiment).inputs
+    assert late is not None
+    assert scaled is not None
+    assert late.tolist() == [[0.0, 0.0], [1.0, 2.0], [3.0, 4.0]]
+    assert (scaled == 2 * inputs).all()
+    assert faults._key(experiment) != faults._key(faults.late_torque(experiment))
 
 
 def test_a_dropped_step_repeats_the_output_before_it(native: Fmu) -> None:

@@ -87,13 +87,17 @@ class Table:
 
 @dataclass(frozen=True)
 class Curve:
-    """A line of a plot; the style is chosen so that black and white is enough."""
+    """A line of a plot; the style is chosen so that black and white is enough.
+
+    `like` is the label of another curve whose colour it has.
+    """
 
     label: str
     x: ArrayLike
     y: ArrayLike
     line: str = "-"
     marker: str = ""
+    like: str = ""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
 from scipy.special import wofz
 
 from .arrays import Array, State
@@ -115,6 +116,24 @@ def held_response(u: ArrayLike, H: float, k2: float, w02: float) -> State:
     y = [np.zeros(2)]
     for value in np.asarray(u, dtype=float):
         y.append(A @ y[-1] + b * value)
+    table = np.array(y)
+    return table[:, 0], table[:, 1]
+
+
+def polynomial_response(rows: ArrayLike, H: float, k2: float, w02: float) -> State:
+    """Return the linear angle and rate at n*H, n = 0 ... len(rows), from rest, the drive a polynomial in each step.
+
+    A row has the drive and its derivatives by time at the beginning of the step. The step is the exponential of the
+    system whose states are angle, rate, drive and derivatives.
+    """
+    inputs = np.asarray(rows, dtype=float)
+    n = inputs.shape[1]
+    system = np.eye(2 + n, k=1)
+    system[1, :3] = -w02, -k2, 1.0
+    step = expm(H * system)[:2]
+    y = [np.zeros(2)]
+    for row in inputs @ step[:, 2:].T:
+        y.append(step[:, :2] @ y[-1] + row)
     table = np.array(y)
     return table[:, 0], table[:, 1]
 

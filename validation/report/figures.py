@@ -119,12 +119,14 @@ def _draw(plot: Plot, kind: str, style: dict[str, Any], metadata: dict[str, Any]
 
 
 def _curves(axes: Any, curves: Sequence[Curve], logarithmic: str) -> None:
+    colours: dict[str, str] = {}
     for i, curve in enumerate(curves):
+        colours[curve.label] = colours[curve.like] if curve.like else _colour(curve.label, i)
         every = max(1, len(np.asarray(curve.x)) // POINTS)
         axes.plot(
             np.asarray(curve.x)[::every],
             np.asarray(curve.y)[::every],
-            color=_colour(curve.label, i),
+            color=colours[curve.label],
             linestyle=curve.line or "none",
             marker=curve.marker,
             markersize=4,

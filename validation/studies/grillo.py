@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, cos, exp, pi, sqrt
+from functools import cache
+from math import ceil, cos, exp, log, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from scipy.integrate import quad
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table, formula
-from ..fmu import W0, W02, Experiment, Fmu, Run
+from ..fmu import W0, W02, Experiment, Fmu, Run, SolverMethod
 from ..metrics import SAFETY, Array, free_rounding, largest, observed_order, walk
 from .scene import Scene
 
@@ -22,7 +23,7 @@ FORMULA = "h(w) = 1/(w02 - w^2 + i*k2*w); held input: h(w)*sinc(w*H/2)*exp(-i*w*
 SMALL = 1e-9  # amplitude [rad]: the nonlinearity, a relative SMALL^2*w0*T/16, is below rounding
 DOCUMENT_K2 = 0.002  # [1/s]
 SUBSTEP = 1e-3  # [s], the default
-SAMPLED = {0.0: "when the step begins", 0.5: "in its middle"}  # by the fraction of the step
+EPS = 2.0**-52
 
 # The causal response to A*exp(-t^2/2), A = 1/sqrt(2*pi), from minus infinity, k2 = 0.002/s: 30-digit quadrature.
 DOCUMENT_PULSE = {
@@ -147,11 +148,51 @@ class FreeScene(Scene):
         )
 
 
+Drive = Callable[[float], float]
+
+
+@dataclass(frozen=True)
+class Input:
+    """What the FMU gets of a drive in a communication step.
+
+    Attributes
+    ----------
+    order : of the error in the communication step
+    polynomial : drive and its derivatives when the step begins, from the drive, its rate, begin and length of the step
+    held : a fraction of the step at which it is sampled, None if it is interpolated
+    """
+
+    name: str
+    order: int
+    polynomial: Callable[[Drive, Drive, float, float], Sequence[float]]
+    held: float | None = None
+
+
+def _chord(u: Drive, _: Drive, t: float, H: float) -> Sequence[float]:
+    return u(t), (u(t + H) - u(t)) / H
+
+
+def _cubic(u: Drive, rate: Drive, t: float, H: float) -> Sequence[float]:
+    """Return Hermite's cubic of the values and rates at both ends."""
+    rise = (u(t + H) - u(t)) / H
+    before, after = rate(t), rate(t + H)
+    return u(t), before, (6 * rise - 4 * before - 2 * after) / H, (6 * before + 6 * after - 12 * rise) / H**2
+
+
+INPUTS = (
+    Input("held from the beginning of the step", 1, lambda u, _, t, H: (u(t),), 0.0),
+    Input("held from its middle", 2, lambda u, _, t, H: (u(t + H / 2),), 0.5),
+    Input("interpolated by chords", 2, _chord),
+    Input("interpolated by cubics", 4, _cubic),
+)
+
+
 @dataclass(frozen=True)
 class HoldScene(Scene):
-    """A drive u(t) with its rate, from rest at `begin`, held over ever shorter communication steps [s].
+    """A drive u(t) with its rate, from rest, held or interpolated over ever shorter communication steps [s].
 
-    `response` is the exact response to the drive itself.
+    `response` is the exact response to the drive itself; a derivative of the drive, up to the sixth, is at most
+    `fastest` [1/s] times the one before.
     """
 
     TITLE = "{0.title}"
@@ -159,41 +200,55 @@ class HoldScene(Scene):
     title: str
     k2: float
     stop: float
-    drive: Callable[[float], float]
-    drive_rate_at_begin: float
+    drive: Drive
+    drive_rate: Drive
     response: Callable[[Array], references.State]
-    begin: float = 0.0
+    fastest: float
     steps: Sequence[float] = (0.05, 0.025, 0.0125)
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield the rows."""
         peak = largest(np.abs(self.response(np.linspace(0, self.stop, 2001))[0]))
-        rows = []
-        for H in self.steps:
-            row = [H]
-            for fraction in (0.0, 0.5):
-                run, held = _drive(fmu, self, H, fraction), _held(self, H, fraction)
-                phi, exact = run["phi"] / SMALL, self.response(run.t)[0]
-                rounding = _rounding(self, run, peak)
+        errors: dict[str, list[float]] = {}
+        runs: dict[str, Run] = {}  # with the shortest step
+        for way in INPUTS:
+            if way.held is None and not fmu.interpolates:
+                continue
+            errors[way.name] = []
+            for H in self.steps:
+                run = runs[way.name] = _drive(fmu, self, H, way)
+                phi = run["phi"] / SMALL
                 yield Check(
-                    f"{self.name}: held, H = {H:g} s, sampled {SAMPLED[fraction]}",
-                    largest(np.abs(phi - held)),
-                    rounding,
-                    f"against the exact response to the held input; {SAFETY} x t*h^4*A^5/120 of the motion about "
-                    "drive/w02, and round-off",
+                    f"{self.name}: {way.name}, H = {H:g} s",
+                    largest(np.abs(phi - _held(self, H, way))),
+                    *_rounding(self, run, peak, way),
                     "s2",
                 )
-                row += [largest(np.abs(phi - exact)), largest(np.abs(held - exact))]
-            rows.append(tuple(row))
-        yield from _law(self, rows)
+                errors[way.name].append(largest(np.abs(phi - self.response(run.t)[0])))
+        yield from _laws(self)
         yield Table(
             f"Largest error relative to the peak, {self.name}",
-            ("H [s]", *(f"sampled {SAMPLED[x]}: {who}" for x in SAMPLED for who in ("FMU", "exact"))),
-            [(H, *(x / peak for x in errors)) for H, *errors in rows],
-            "What holding the input costs: first order in H, second if the sample is taken in the middle of the step.",
+            ("H [s]", *(f"{name}: {who}" for name in errors for who in ("FMU", "exact"))),
+            [
+                (
+                    H,
+                    *(
+                        x / peak
+                        for way in INPUTS
+                        if way.name in errors
+                        for x in (errors[way.name][i], largest(np.abs(_cost(self, H, way))))
+                    ),
+                )
+                for i, H in enumerate(self.steps)
+            ],
+            "What the input costs by its order in H."
+            + (
+                " This FMU cannot interpolate its input: canInterpolateInputs is false."
+                * (not fmu.interpolates)
+            ),
         )
-        yield _hold_plot(self, run)
-        yield _law_plot(self, rows)
+        yield _hold_plot(self, runs[INPUTS[1].name])
+        yield _law_plot(self, errors, fmu.interpolates)
 
 
 @dataclass(frozen=True)
@@ -316,10 +371,11 @@ def _gaussian(name: str, k2: float, center: float, sigma: float, stop: float, cu
         k2,
         stop,
         drive=lambda t: exp(-((t - center) ** 2) / (2 * sigma**2)),
-        drive_rate_at_begin=center / sigma**2 * exp(-(center**2) / (2 * sigma**2)) if cut else 0.0,
+        drive_rate=lambda t: (center - t) / sigma**2 * exp(-((t - center) ** 2) / (2 * sigma**2)),
         response=lambda t: references.gaussian_response(
             t, 1.0, center, sigma**2, k2, W02, start=0.0 if cut else None
         ),
+        fastest=sqrt(5) / sigma,  # the sixth derivative is at most 15/sigma^6, the fourth 3/sigma^4
         steps=(sigma / 20, sigma / 40, sigma / 80),
     )
 
@@ -365,8 +421,9 @@ SCENES = (
         0.5,
         20.0,
         drive=lambda t: float(np.sin(2.0 * t)),
-        drive_rate_at_begin=2.0,
+        drive_rate=lambda t: 2.0 * cos(2.0 * t),
         response=lambda t: references.sinusoidal_response(t, 2.0, 0.5, W02),
+        fastest=2.0,
     ),
     _gaussian("Gaussian pulse, k2 = 0.002/s", 0.002, 5.0, 0.5, 20.0),
     _gaussian("Gaussian pulse, k2 = 1/s", 1.0, 3.0, 0.3, 15.0),
@@ -463,78 +520,108 @@ def _bode(scene: FrequencyScene, measured: NDArray[np.complex128]) -> Iterator[P
 # Held inputs
 
 
-def _drive(fmu: Fmu, scene: HoldScene, H: float, fraction: float) -> Run:
-    return fmu.run(
-        Experiment(
-            H * round(scene.stop / H),
-            H,
-            {"phi_start": 0.0, "gamma": scene.k2},
-            torque=lambda t: SMALL * scene.drive(t + fraction * H),
-        )
+def _times(scene: HoldScene, H: float) -> Array:
+    return np.arange(round(scene.stop / H) + 1, dtype=float) * H
+
+
+def _drive(fmu: Fmu, scene: HoldScene, H: float, way: Input) -> Run:
+    """Return a run under the drive as it is held, with RK4, or interpolated, with TaylorSeries, whose error is nil."""
+    start, stop = {"phi_start": 0.0, "gamma": scene.k2}, H * round(scene.stop / H)
+    fraction = way.held
+    if fraction is not None:
+        return fmu.run(Experiment(stop, H, start, lambda t: SMALL * scene.drive(t + fraction * H)))
+    start |= {"solver.method": SolverMethod.TaylorSeries, "solver.stepSize": H}
+    return fmu.run(Experiment(stop, H, start, inputs=SMALL * _polynomials(scene, H, way)))
+
+
+@cache
+def _polynomials(scene: HoldScene, H: float, way: Input) -> Array:
+    """Return the drive in each communication step, its value and derivatives when the step begins."""
+    return np.array(
+        [way.polynomial(scene.drive, scene.drive_rate, t, H) for t in _times(scene, H)[:-1].tolist()]
     )
 
 
-def _held(scene: HoldScene, H: float, fraction: float) -> Array:
-    """Return the exact angle [s2] at n*H under the drive as it is held."""
-    samples = [scene.drive((n + fraction) * H) for n in range(round(scene.stop / H))]
-    return references.held_response(samples, H, scene.k2, W02)[0]
+@cache
+def _held(scene: HoldScene, H: float, way: Input) -> Array:
+    """Return the exact angle [s2] at n*H under the drive as the FMU gets it."""
+    return references.polynomial_response(_polynomials(scene, H, way), H, scene.k2, W02)[0]
 
 
-def _law(scene: HoldScene, rows: Sequence[Sequence[float]]) -> Iterator[Check]:
-    """Yield the order in H and the leading term of the exact errors of holding."""
-    H, *_ = rows[-1]
-    t = np.linspace(0, scene.stop, 4001)
-    begin, middle = _hold_errors(scene, H)
-    next_term = 2 * H * _sharpness(scene, t)
-    for order, column, leading, term in (
-        (1, 2, begin, "H/2*max|phi' - u(0)*h|"),
-        (2, 4, middle, "H^2/24*max|phi'' - u(0)*h' + u'(0)*h|"),
-    ):
-        coarse, fine = rows[-2][column], rows[-1][column]
-        yield formula(
-            f"{scene.name}: order of holding, sampled {SAMPLED[(order - 1) / 2]}",
-            abs(observed_order(coarse, fine) - order),
-            next_term,
-            f"theory {order}; the next term is H*max|phi''|/max|phi'| of it, or less",
-        )
-        yield formula(
-            f"{scene.name}: error of holding, H = {H:g} s, sampled {SAMPLED[(order - 1) / 2]}",
-            abs(fine / leading - 1),
-            next_term,
-            f"{term} = {leading:.3e} s2; the next term as before",
-        )
+@cache
+def _cost(scene: HoldScene, H: float, way: Input) -> Array:
+    """Return what the input costs at n*H [s2]: the exact answer to the drive less that to the input."""
+    held = _held(scene, H, way)
+    return np.asarray(scene.response(_times(scene, H))[0] - held)
 
 
-def _rounding(scene: HoldScene, run: Run, peak: float) -> float:
-    """Return the error [s2] of RK4 and of rounding for a held drive."""
+def _laws(scene: HoldScene) -> Iterator[Check]:
+    """Yield what the input costs against its leading terms, and the order of the cubics."""
+    *_, coarse, fine = scene.steps
+    fastest = _fastest(scene)
+    for H in (coarse, fine):
+        for way, (term, leading) in zip(INPUTS, _leading_terms(scene, H), strict=False):
+            cost = _cost(scene, H, way)
+            yield formula(
+                f"{scene.name}: cost of an input {way.name}, H = {H:g} s",
+                largest(np.abs(cost - leading)) / largest(np.abs(leading)),
+                (H * fastest / 2) ** 2,
+                f"at all times against {term}, {largest(np.abs(leading)):.3e} s2 at most; relative to it, the next "
+                f"term is (H*r/2)^2 or less, r = {fastest:.3g}/s the fastest rate of pendulum and drive",
+            )
+    cubic = INPUTS[-1]
+    costs = [largest(np.abs(_cost(scene, H, cubic))) for H in (coarse, fine)]
+    yield formula(
+        f"{scene.name}: order of an input {cubic.name}",
+        abs(observed_order(*costs) - cubic.order),
+        3 / log(2) * (fine * fastest / 2) ** 2,
+        f"theory {cubic.order}; the next term as before",
+    )
+
+
+def _fastest(scene: HoldScene) -> float:
+    """Return the fastest rate [1/s] of the pendulum and the drive."""
+    return max(scene.fastest, W0 if scene.k2 < 2 * W0 else references.real_roots(scene.k2, W02)[0])
+
+
+def _rounding(scene: HoldScene, run: Run, peak: float, way: Input) -> tuple[float, str]:
+    """Return the error [s2] of the method and of rounding, and what it is made of.
+
+    The step of the exact answer rounds the same way each time, too.
+    """
+    steps = len(run.t)
+    same = steps * EPS * peak
+    if way.held is None:
+        return walk(steps) * peak + same, "against the exact response to that input; round-off, of both"
     phi, rate = scene.response(run.t)
     drive = np.array([scene.drive(t) for t in run.t])
     growth = references.rk4_error_rate((phi - drive / W02, rate), scene.k2, W02, SUBSTEP)[0]
-    time = min(scene.stop, 4 / scene.k2)
-    return SAFETY * time * largest(growth) + walk(scene.stop / SUBSTEP) * peak
+    own = SAFETY * min(scene.stop, 4 / scene.k2) * largest(growth)
+    return (
+        own + walk(scene.stop / SUBSTEP) * peak + same,
+        f"against the exact response to that input; {SAFETY} x t*h^4*A^5/120 of the motion about drive/w02, and "
+        "round-off",
+    )
 
 
-def _hold_errors(scene: HoldScene, H: float) -> tuple[float, float]:
-    """Return the leading errors [s2] of holding a sample from the beginning and from the middle of the step.
+def _leading_terms(scene: HoldScene, H: float) -> Iterator[tuple[str, Array]]:
+    """Yield the leading terms at n*H [s2] of what `INPUTS` cost, but for the cubics, in words and in numbers.
 
-    exact - held = H/2*(phi' - u(0)*h) and -H^2/24*(phi'' - u(0)*h' + u'(0)*h), with the impulse response h: Taylor
-    expansion of the input about the sample, under the integral of the convolution.
+    Taylor expansion of the drive less the input in a step, under the integral of the convolution with the impulse
+    response h.
     """
-    t = np.linspace(0, scene.stop, 4001)
+    t = _times(scene, H)
     phi, rate = scene.response(t)
     h, hdot = references.impulse_response(t, scene.k2, W02)
     u = np.array([scene.drive(time) for time in t])
-    acceleration = u - scene.k2 * rate - W02 * phi
-    early = H / 2 * (rate - u[0] * h)
-    middle = H * H / 24 * (acceleration - u[0] * hdot + scene.drive_rate_at_begin * h)
-    return float(np.max(np.abs(early))), float(np.max(np.abs(middle)))
-
-
-def _sharpness(scene: HoldScene, t: Array) -> float:
-    """Return max|phi''|/max|phi'| [1/s] of the response, the rate at which it can change its course."""
-    phi, rate = scene.response(t)
-    u = np.array([scene.drive(time) for time in t])
-    return float(np.max(np.abs(u - scene.k2 * rate - W02 * phi)) / np.max(np.abs(rate)))
+    begun = scene.drive_rate(0.0) * h
+    bent = u - scene.k2 * rate - W02 * phi - u[0] * hdot  # phi'' - u(0)*h'
+    yield (
+        "H/2*(phi' - u(0)*h) - H^2/6*(phi'' - u(0)*h' - u'(0)*h/2)",
+        H / 2 * (rate - u[0] * h) - H * H / 6 * (bent - begun / 2),
+    )
+    yield "-H^2/24*(phi'' - u(0)*h' + u'(0)*h)", -H * H / 24 * (bent + begun)
+    yield "-H^2/12*(phi'' - u(0)*h' - u'(0)*h)", -H * H / 12 * (bent - begun)
 
 
 def _hold_plot(scene: HoldScene, run: Run) -> Plot:
@@ -556,19 +643,24 @@ def _hold_plot(scene: HoldScene, run: Run) -> Plot:
     )
 
 
-def _law_plot(scene: HoldScene, rows: Sequence[Sequence[float]]) -> Plot:
-    H = [row[0] for row in rows]
+def _law_plot(scene: HoldScene, errors: Mapping[str, Sequence[float]], interpolates: bool) -> Plot:
+    H = scene.steps
+    curves = []
+    for way, marker in zip(INPUTS, "osd^", strict=True):
+        exact = [largest(np.abs(_cost(scene, step, way))) for step in H]
+        curves.append(Curve(f"exact, {way.name}", H, exact))
+        if way.name in errors:
+            curves.append(Curve(f"FMU, {way.name}", H, errors[way.name], "", marker, like=curves[-1].label))
     return Plot(
         f"Error against communication step, {scene.name}",
         "H [s]",
         "largest error [s2]",
-        [
-            Curve("FMU, sampled when the step begins", H, [row[1] for row in rows], "", "o"),
-            Curve("exact, held", H, [row[2] for row in rows]),
-            Curve("FMU, sampled in the middle", H, [row[3] for row in rows], "", "s"),
-            Curve("exact, held from the middle", H, [row[4] for row in rows], "--"),
-        ],
+        curves,
         "xy",
-        note="First order in H if the input is held from the beginning of the step, second from its middle. The "
-        "FMU's own error is far below both.",
+        note="An input that is held from the beginning of the step costs an error of the first order in H, one from "
+        "its middle or along chords the second, and cubics the fourth."
+        + (
+            " This FMU cannot interpolate its input (canInterpolateInputs is false), so that only the exact answers to "
+            "chords and cubics are shown; the native FMU can." * (not interpolates)
+        ),
     )
