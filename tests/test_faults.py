@@ -24,7 +24,8 @@ UNUSED = {
     "errata": {*TORQUE, *MESSAGES, "NaN in a"},
     "work_precision": {"NaN in a", "NaN in E"},
     "methods": {*MESSAGES, "NaN in a"},
-    "stability": {*TORQUE, "NaN in a"},
+    "stability": {*TORQUE, "NaN in a", "NaN in E"},
+    "traps": {*TORQUE, *MESSAGES, "NaN in a", "NaN in E"},
     "stiff_extreme": set(),
 }
 RK4_ROWS = ("elliptic_period", "trajectory", "crawford")

@@ -44,6 +44,7 @@ CAUGHT = {
     "work_precision": tuple(MUTATIONS),
     "methods": tuple(MUTATIONS),
     "stability": ON_DRAG,
+    "traps": ON_DRAG,
     "stiff_extreme": tuple(MUTATIONS),
 }
 

@@ -74,6 +74,7 @@ class Table:
     Attributes
     ----------
     shown : whether it stands in the report, not only in its CSV file
+    folded : whether it has to be opened in the report if it is long
     head : what stands before the headers in the CSV file, a name and a value a line
     """
 
@@ -82,6 +83,7 @@ class Table:
     rows: Sequence[Sequence[object]]
     note: str = ""
     shown: bool = True
+    folded: bool = True
     head: Sequence[tuple[str, str]] = ()
 
 

@@ -246,6 +246,7 @@ class Overview:
             rows,
             "Each fault changes what the FMU gets or gives, and nothing else. A row that stands for the FMU has to "
             "break by one of them.",
+            folded=False,
         )
 
 
