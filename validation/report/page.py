@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from ..checks import Note, Plot, Result, Table
 from . import figures
-from .cells import CHECK_COLUMNS, cell, check_cells, is_number
+from .cells import CHECK_COLUMNS, cell, check_cells, check_values, is_number
 from .section import Section, counts, summary
 from .words import GLOSSARY, TASKS
 
@@ -30,7 +30,7 @@ def write(sections: Sequence[Section], folder: Path, fmu: Path, pictures: bool) 
     """Write index.html and the CSV files into `folder` and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
     checks = [check for section in sections for check in section.checks]
-    write_csv(folder / "checks.csv", CHECK_COLUMNS, map(check_cells, checks))
+    write_csv(folder / "checks.csv", CHECK_COLUMNS, map(check_values, checks))
     for section in sections:
         for table in section.of(Table):
             write_csv(
