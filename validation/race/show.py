@@ -81,8 +81,9 @@ def fastest(fmu: Fmu, scene: Scene) -> Table:
                 row.append(interval(compare(race, OURS, names, error).ratio))
         rows.append(row)
     note = (
-        "Errors are the largest on the grid of communication points. Times: median and from the 10th to the 90th "
-        "percentile of the rounds; ratios: median and interval of 95 percent."
+        "Errors are the largest on the grid of communication points. The FMU's step is fitted to the error to "
+        f"{100 * contest.FINENESS:g} percent, tolerances are on a grid of a decade or a quarter. Times: median and from "
+        "the 10th to the 90th percentile of the rounds; ratios: median and interval of 95 percent."
     )
     return Table(f"Fastest to an error: {scene.name}", columns, rows, note)
 
@@ -194,7 +195,15 @@ def against_evaluations(fmu: Fmu, scene: Scene) -> Plot:
         if rung.errors.largest < 10 and rung.evaluations > 0:
             points.setdefault(rung.solver.name, []).append((rung.errors.largest, rung.evaluations))
     title = f"Error against evaluations: {scene.name}"
-    note = "The same without a clock: what no machine changes. Of a Taylor series each coefficient counts."
+    ended = [
+        solver.name
+        for solver in _solvers(fmu)
+        if ladder(solver, scene)[-1].errors.largest > scene.targets[-1]
+    ]
+    note = (
+        "The same without a clock: what no machine changes. Of a Taylor series each coefficient counts."
+        + (f" Cut off before the least error: {', '.join(ended)}." * bool(ended))
+    )
     return Plot(title, f"largest error [{_unit(scene)}]", "evaluations", _curves(points), "xy", note)
 
 

@@ -656,9 +656,9 @@ def _law_plot(scene: HoldScene, errors: Mapping[str, Sequence[float]], interpola
     curves = []
     for way, marker in zip(INPUTS, "osd^", strict=True):
         exact = [largest(np.abs(_cost(scene, step, way))) for step in H]
-        curves.append(Curve(f"exact, {way.name}", H, exact))
+        curves.append(Curve(f"{way.name}, exact", H, exact))
         if way.name in errors:
-            curves.append(Curve(f"FMU, {way.name}", H, errors[way.name], "", marker, like=curves[-1].label))
+            curves.append(Curve(f"{way.name}, FMU", H, errors[way.name], "", marker, like=curves[-1].label))
     return Plot(
         f"Error against communication step, {scene.name}",
         "H [s]",

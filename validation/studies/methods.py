@@ -12,7 +12,7 @@ from scipy.special import ellipk
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table
 from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
-from ..metrics import largest, observed_order, state_error
+from ..metrics import SAFETY, largest, observed_order, state_error
 from ..references import discrete
 from ..references.methods import METHODS
 from .scene import Case, Scene
@@ -129,12 +129,13 @@ def _radius(fmu: Fmu) -> Iterator[Result]:
         radius = radius_of_convergence(amplitude)
         errors = [largest(_step_errors(fmu, amplitude, x * radius)) for x in shares]
         curves.append(Curve(f"{angle} deg, radius {radius:.3g} s", shares, errors, marker="o"))
-        bounds = [1.5 * truncation(x, radius, order) + 16 * EPS * pi for x in shares]
+        bounds = [SAFETY * truncation(x, radius, order) + 16 * EPS * pi for x in shares]
         yield Check(
             f"Taylor step from all phases of a swing from {angle} deg, h up to 0.6 of the radius of convergence",
             largest(error / bound for error, bound in zip(errors, bounds, strict=True)),
             1.0,
-            "of 1.5 x the terms beyond the order 16 by the nearest singularities, and rounding of the angle",
+            f"of {SAFETY} x the terms beyond the order 16 by the nearest singularities, and sixteen roundings of the "
+            "angle",
         )
     bound = [truncation(x, radius_of_convergence(radians(30)), order) for x in shares]
     yield Plot(

@@ -18,7 +18,7 @@ from .. import loops, races, references
 from ..checks import Check, Note, Result, Table
 from ..fmu import METHOD_NAMES, W0, W02, Experiment, Fmu, Run, SolverMethod
 from ..loops import Loop
-from ..metrics import observed_order, state_error
+from ..metrics import ORDER, SAFETY, SIGMAS, observed_order, state_error
 from ..race import carriers, contest, show
 from ..race.compiler import NoCompilerError
 from ..race.judging import GOALS, GROUPS, Goal, raced, rivals
@@ -128,26 +128,29 @@ class WorkScene(Scene):
         coarse, fine = self.point(fmu, method, k), self.point(fmu, method, k + 1)
         order = observed_order(coarse.largest, fine.largest)
         expected = METHODS[METHOD_NAMES[method]].order if self.drive is None else 2
-        reason = f"observed {order:.3f}, theory {expected}" + (
-            ", from holding the input" if self.drive else ""
+        reason = (
+            f"observed {order:.3f}, theory {expected}{', from holding the input' if self.drive else ''}; {ORDER} by "
+            "convention: h is so small that the next term changes less"
         )
-        return Check(f"slope of {METHOD_NAMES[method]}, {self.name}", abs(order - expected), 0.1, reason)
+        return Check(f"slope of {METHOD_NAMES[method]}, {self.name}", abs(order - expected), ORDER, reason)
 
     def _floor(self, method: int, reference: Point, finest: Point) -> Check:
         """Return the row of the round-off floor: the finest step's error against truncation and a random walk.
 
-        Each substep rounds the state once, by at most half an ulp. A change of the amplitude also changes the period,
-        and the phase then runs away with the time.
+        Each substep rounds the state once, to an ulp, whose standard deviation is 1/sqrt(12) of it. A change of the
+        amplitude also changes the period, and the phase then runs away with the time.
         """
         amplitude = self.start.get("phi_start", pi / 6)
         T = references.period(amplitude, W02)
         runaway = 2 * pi * PERIODS * amplitude * references.period_slope(amplitude, W02) / T
         order = METHODS[METHOD_NAMES[method]].order
         truncation = reference.largest * (finest.label / reference.label) ** order
-        walk = sqrt(self.stop / finest.label) * ulp(amplitude) / 2
-        bound = 1.5 * truncation + 3 * walk * (1 + runaway)
+        rounding = sqrt(self.stop / finest.label) * ulp(amplitude) / sqrt(12)
+        phase = 2.0**-52 * W0 * self.stop * amplitude
+        bound = SAFETY * truncation + SIGMAS * rounding * (1 + runaway) + phase
         reason = (
-            f"1.5 x h^{order} error {truncation:.1e} + 3 sigma of {walk:.1e} rad, x {1 + runaway:.1f}: phase"
+            f"{SAFETY} x h^{order} error {truncation:.1e} rad; {SIGMAS:g} sigma of {rounding:.1e} rad, x "
+            f"{1 + runaway:.1f}, as the amplitude moves the phase; rounding of the phase itself {phase:.1e} rad"
         )
         return Check(
             f"round-off floor of {METHOD_NAMES[method]}, {self.name}", finest.largest, bound, reason, "rad"
@@ -263,10 +266,19 @@ SCENES: tuple[Scene, ...] = (
         lambda t: references.overdamped_fall(t, radians(90), 1e6, W02),
         k2=1e6,
         slopes={SolverMethod.ImplicitEuler: -8, SolverMethod.TRBDF2: -11, SolverMethod.SDIRK4: -12},
+    ),
+    WorkScene(
+        "stiff, k2 = 1e6/s, 90 deg, 2^-7 s",
+        {"gamma": 1e6, "phi_start": radians(90)},
+        2.0**-7,
+        2.0**-7,
+        lambda t: references.overdamped_fall(t, radians(90), 1e6, W02),
+        k2=1e6,
         limits={
-            EULER: range(17, 19),
-            MIDPOINT: range(17, 19),
-            RK4: range(17, 19),
+            EULER: range(17, 21),
+            MIDPOINT: range(17, 21),
+            RK4: range(17, 21),
+            SolverMethod.TaylorSeries: range(15, 19),
         },
     ),
 )
