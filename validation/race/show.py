@@ -82,7 +82,7 @@ def fastest(fmu: Fmu, scene: Scene) -> Table:
         rows.append(row)
     note = (
         "Errors are the largest on the grid of communication points. The FMU's step is fitted to the error to "
-        f"{100 * contest.FINENESS:g} percent, tolerances are on a grid of a decade or a quarter. Times: median and from "
+        f"{100 * contest.FINENESS:g} percent, tolerances are on a grid of a decade or less. Times: median and from "
         "the 10th to the 90th percentile of the rounds; ratios: median and interval of 95 percent."
     )
     return Table(f"Fastest to an error: {scene.name}", columns, rows, note)
