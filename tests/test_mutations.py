@@ -40,6 +40,7 @@ CAUGHT = {
     "trajectory": ON_MOTION,
     "crawford": ON_MOTION,
     "grillo": tuple(MUTATIONS),
+    "inputs": tuple(MUTATIONS),
     "errata": tuple(MUTATIONS),
     "work_precision": tuple(MUTATIONS),
     "methods": tuple(MUTATIONS),

@@ -22,6 +22,7 @@ NAMES = (
     "methods",
     "stability",
     "traps",
+    "inputs",
     "stiff_extreme",
     "work_precision",
     "crawford",
