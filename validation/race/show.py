@@ -130,7 +130,7 @@ def choice(fmu: Fmu) -> Table:
         "The step is the longest that reaches the error. Under strong drag ImplicitTrapezoid is left out: what it does "
         "not resolve it does not damp, R(-infinity) = -1."
     )
-    return Table("Which method for which task", columns, rows, note)
+    return Table("Which method for which task", columns, rows, note, folded=False)
 
 
 def _choice(fmu: Fmu, scene: Scene, ours: Sequence[str], error: float) -> tuple[str, str, str]:

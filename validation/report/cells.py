@@ -54,3 +54,9 @@ def check_values(check: Check) -> tuple[str | float, ...]:
 def check_cells(check: Check) -> tuple[str, ...]:
     """Return a check as the cells of `CHECK_COLUMNS`."""
     return tuple(value if isinstance(value, str) else number(value) for value in check_values(check))
+
+
+def short_cells(check: Check) -> tuple[str, ...]:
+    """Return a check as its name, number, bound and reason."""
+    name, _, measured, relation, bound, unit, *_, reason = check_cells(check)
+    return name, f"{measured} {unit}".strip(), f"{relation} {bound}", reason
