@@ -113,11 +113,7 @@ def held_step(H: float, k2: float, w02: float) -> tuple[Array, Array]:
 def held_response(u: ArrayLike, H: float, k2: float, w02: float) -> State:
     """Return the linear angle and rate at n*H, n = 0 ... len(u), from rest, the drive u[n] held from n*H to (n+1)*H."""
     A, b = held_step(H, k2, w02)
-    y = [np.zeros(2)]
-    for value in np.asarray(u, dtype=float):
-        y.append(A @ y[-1] + b * value)
-    table = np.array(y)
-    return table[:, 0], table[:, 1]
+    return _stepped(A, np.outer(np.asarray(u, dtype=float), b))
 
 
 def polynomial_response(rows: ArrayLike, H: float, k2: float, w02: float) -> State:
@@ -131,10 +127,18 @@ def polynomial_response(rows: ArrayLike, H: float, k2: float, w02: float) -> Sta
     system = np.eye(2 + n, k=1)
     system[1, :3] = -w02, -k2, 1.0
     step = expm(H * system)[:2]
-    y = [np.zeros(2)]
-    for row in inputs @ step[:, 2:].T:
-        y.append(step[:, :2] @ y[-1] + row)
-    table = np.array(y)
+    return _stepped(step[:, :2], inputs @ step[:, 2:].T)
+
+
+def _stepped(A: Array, added: Array) -> State:
+    """Return angles and rates of y[n + 1] = A*y[n] + added[n] from rest."""
+    (a, b), (c, d) = A.tolist()
+    phi = w = 0.0
+    states = [(phi, w)]
+    for x, y in added.tolist():
+        phi, w = a * phi + b * w + x, c * phi + d * w + y
+        states.append((phi, w))
+    table = np.array(states)
     return table[:, 0], table[:, 1]
 
 

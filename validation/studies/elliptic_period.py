@@ -95,6 +95,7 @@ class PhaseScene(Scene):
         )
 
 
+@cache
 def measured_period(fmu: Fmu, amplitude: float, g: float, substep: float) -> float:
     """Return the mean period [s] of `PERIODS` swings of the FMU from `amplitude` [rad], NaN if it shows fewer."""
     start = {"gamma": 0.0, "g": g, "phi_start": amplitude, "solver.stepSize": substep}

@@ -7,7 +7,7 @@ from cmath import phase
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import partial
+from functools import cache, partial
 from math import factorial, hypot, log, nan, pi, sqrt
 
 import numpy as np
@@ -353,6 +353,7 @@ def _at_infinity(fmu: Fmu) -> Iterator[Result]:
         )
 
 
+@cache
 def unit_curve(name: str, window: float) -> NDArray[np.complex128]:
     """Return z with |R(z)| = 1 from z = 0 on, R(z) = exp(i*theta), as far as it lies in |z| < `window`."""
     R = METHODS[name].stability
