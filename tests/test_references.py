@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from validation import references
+from validation.references import discrete
 from validation.references import taylor as series
 
 EPS = 2.2e-16
@@ -312,6 +313,16 @@ def test_the_response_to_a_cubic_is_a_cubic_and_the_free_evolution_from_it(k2):
     for ours, particular, rest in zip(found, cubic, free, strict=True):
         size = np.max(np.abs(particular)) + np.max(np.abs(rest))
         assert np.max(np.abs(ours - particular - rest)) <= 32 * EPS * size
+
+
+def test_rk4_under_a_held_drive_is_its_discrete_motion_for_small_angles():
+    u, H, h, small = [1.0, -2.0, 0.5], 0.3, 0.04, 1e-9
+    for k2 in (0.002, 5.0):
+        phi, w = references.rk4_response(u, H, k2, W02, h)
+        drive = [small * x for x in u]
+        motion = discrete.motion("ExplicitRungeKutta4", [0.0, H, 2 * H, 3 * H], 0.0, 0.0, k2, W02, h, drive)
+        assert np.max(np.abs(motion[0] / small - phi)) <= 24 * 4 * EPS * np.max(np.abs(phi))
+        assert np.max(np.abs(motion[1] / small - w)) <= 24 * 4 * EPS * np.max(np.abs(w))
 
 
 def test_held_response_is_that_of_steps():

@@ -44,6 +44,8 @@ from .linear import (
     real_roots,
     rk4_error,
     rk4_error_rate,
+    rk4_response,
+    rk4_step,
     sinusoidal_response,
     step_response,
 )
@@ -79,6 +81,8 @@ __all__ = [
     "real_roots",
     "rk4_error",
     "rk4_error_rate",
+    "rk4_response",
+    "rk4_step",
     "series_length",
     "series_terms",
     "sinusoidal_response",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import ceil, pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,8 @@ from scipy.linalg import expm
 from scipy.special import wofz
 
 from .arrays import Array, State
+
+NOISE = 1e-9  # relative rounding of a communication step, which adds no substep
 
 
 def impulse_response(t: ArrayLike, k2: float, w02: float) -> State:
@@ -113,6 +115,24 @@ def held_step(H: float, k2: float, w02: float) -> tuple[Array, Array]:
 def held_response(u: ArrayLike, H: float, k2: float, w02: float) -> State:
     """Return the linear angle and rate at n*H, n = 0 ... len(u), from rest, the drive u[n] held from n*H to (n+1)*H."""
     A, b = held_step(H, k2, w02)
+    return _stepped(A, np.outer(np.asarray(u, dtype=float), b))
+
+
+def rk4_step(H: float, k2: float, w02: float, h: float) -> tuple[Array, Array]:
+    """Return A, b as `held_step`, but of RK4 with equal substeps of at most `h` [s].
+
+    About the deflection by the drive a substep multiplies by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z the matrix of
+    y' = A*y times the substep.
+    """
+    n, one = ceil(H / h * (1 - NOISE)), np.eye(2)
+    z = H / n * np.array([[0.0, 1.0], [-w02, -k2]])
+    step = np.linalg.matrix_power(one + z @ (one + z @ (one + z @ (one + z / 4) / 3) / 2), n)
+    return step, (one - step) @ np.array([1 / w02, 0.0])
+
+
+def rk4_response(u: ArrayLike, H: float, k2: float, w02: float, h: float) -> State:
+    """Return what RK4 with substeps of at most `h` [s] makes of `held_response`."""
+    A, b = rk4_step(H, k2, w02, h)
     return _stepped(A, np.outer(np.asarray(u, dtype=float), b))
 
 

@@ -345,11 +345,8 @@ def _forced_error(w: float, H: float, scene: FrequencyScene) -> float:
     defect = np.linalg.matrix_power(A, 5) @ np.array([phi - 1 / W02, rate])
     growth = SUBSTEP**4 / 120 * float(np.hypot(abs(defect[0]), abs(defect[1]) / W0))
     duration = min(scene.wait + 4 * pi / w, 4 / scene.k2)
-    n, one = ceil(H / SUBSTEP), np.eye(2)
-    z = H / n * A
-    substep = one + z @ (one + z @ (one + z @ (one + z / 4) / 3) / 2)
-    step = np.linalg.matrix_power(substep, n)
-    own = np.linalg.solve(np.exp(1j * w * H) * one - step, (one - step) @ (1 / W02, 0.0))
+    step, of_drive = references.rk4_step(H, scene.k2, W02, SUBSTEP)
+    own = np.linalg.solve(np.exp(1j * w * H) * np.eye(2) - step, of_drive)
     periodic = abs(own[0] - phi) + 2 * float(np.hypot(abs(own[0] - phi), abs(own[1] - rate) / W0))
     return float(min(growth * duration, periodic) / abs(phi))
 
