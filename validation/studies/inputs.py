@@ -220,7 +220,7 @@ def _fastest(scene: HoldScene) -> float:
 def _judged(scene: HoldScene, run: Run, H: float, peak: float, way: Input) -> tuple[float, float, str]:
     """Return the error [s2] beyond that of the method, its bound, and what that is made of.
 
-    A substep of RK4 rounds the same way each time, and the step of the exact answers, some four roundings, does so, too.
+    A substep of RK4 rounds the same way each time, and so does the step of the exact answers, some four times.
     """
     steps, phi, exact = len(run.t), run["phi"] / SMALL, _held(scene, H, way)
     same = 2 * steps * EPS * peak
