@@ -37,7 +37,7 @@ def other_fmu(fmu_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["pendelum"], "unknown study 'pendelum' (allowed: elliptic_period, impulse_response"),
+        (["pendelum"], "unknown study 'pendelum' (allowed: elliptic_period, trajectory"),
         (["--fmu", "missing.fmu"], "missing.fmu does not exist: build it with python build_fmu.py"),
         (["--fmu", "LICENSE"], "LICENSE is not a readable FMU"),
         (["--output", "LICENSE"], "--output LICENSE: must be a directory"),

@@ -1,14 +1,16 @@
 """The discrete motions of the methods, against what the methods are known for."""
 
+from itertools import pairwise
 from math import cos, exp, pi, radians, sin, sqrt
 
+import mpmath as mp
 import numpy as np
 import pytest
 
 from validation import references
 from validation.metrics import observed_order, state_error
 from validation.references import discrete
-from validation.references.methods import METHODS, linear_radius
+from validation.references.methods import METHODS, linear_radius, rk4_lag
 
 W02 = 9.80665
 W0 = sqrt(W02)
@@ -125,3 +127,33 @@ def test_the_drift_of_the_energy_is_that_of_the_modified_equation(name: str) -> 
 def test_an_unknown_drift_is_refused() -> None:
     with pytest.raises(ValueError, match="is not given"):
         METHODS["SDIRK4"].energy_drift(0.1, (np.zeros(1), np.zeros(1)), W02)
+
+
+def rk4_lag_in_30_digits(amplitude: mp.mpf, n: int) -> mp.mpf:
+    """Return the relative growth of RK4's period over h^4, h = T/n, at w0 = 1."""
+    T = 4 * mp.ellipk(mp.sin(amplitude / 2) ** 2)
+    h, q, p = T / n, amplitude, mp.mpf(0)
+    for _ in range(n):
+        slopes = [(p, -mp.sin(q))]
+        for share in (h / 2, h / 2, h):
+            u, v = slopes[-1]
+            slopes.append((p + share * v, -mp.sin(q + share * u)))
+        du, dv = (
+            sum(weight * x for weight, x in zip((1, 2, 2, 1), of, strict=True))
+            for of in zip(*slopes, strict=True)
+        )
+        q, p = q + h / 6 * du, p + h / 6 * dv
+    return (
+        p / mp.sin(q) / T / h**4
+    )  # the time to the turning point; it is of the order h^4, so that its square is nil
+
+
+@pytest.mark.parametrize("angle", [1, 30, 90, 120])
+def test_the_lag_of_rk4_is_that_of_its_runs_for_ever_shorter_steps(angle: int) -> None:
+    counts = (32, 64, 128, 256, 512)
+    with mp.workdps(30):
+        table = [rk4_lag_in_30_digits(mp.radians(angle), n) for n in counts]
+        for j in range(1, len(counts)):  # Richardson: the error is a series in h
+            table = [(2**j * fine - coarse) / (2**j - 1) for coarse, fine in pairwise(table)]
+    # Any other integer in the formula shows by 1e-4 or more at one of these angles.
+    assert rk4_lag(radians(angle)) == pytest.approx(float(table[0]), rel=1e-5, abs=0)

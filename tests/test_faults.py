@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from validation import faults, studies
@@ -20,10 +21,12 @@ UNUSED = {
     "trajectory": {*DRAG, *TORQUE, *MESSAGES, "NaN in a", "NaN in E"},
     "crawford": {"gamma x (1 + 1e-3)", *TORQUE, *MESSAGES, "substep x 1.1", "NaN in w", "NaN in a"},
     "grillo": {*MESSAGES, "NaN in a", "NaN in E"},
+    "inputs": {*MESSAGES, "NaN in w", "NaN in a", "NaN in E"},
     "errata": {*TORQUE, *MESSAGES, "NaN in a"},
     "work_precision": {"NaN in a", "NaN in E"},
     "methods": {*MESSAGES, "NaN in a"},
-    "stability": {*TORQUE, "NaN in a"},
+    "stability": {*TORQUE, "substep x 2", "substep x 1.1", "NaN in a", "NaN in E"},  # single steps
+    "traps": {*TORQUE, *MESSAGES, "NaN in a", "NaN in E"},
     "stiff_extreme": set(),
 }
 RK4_ROWS = ("elliptic_period", "trajectory", "crawford")
@@ -104,6 +107,17 @@ def test_a_late_torque_is_that_of_the_step_before() -> None:
     late = faults.late_torque(Experiment(0.3, 0.1, torque=lambda t: 1.0 + t)).torque
     assert late is not None
     assert [late(t) for t in (0.0, 0.1, 0.2)] == [0.0, 1.0, 1.1]
+
+
+def test_an_interpolated_torque_is_scaled_and_late_like_a_held_one() -> None:
+    inputs = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    experiment = Experiment(0.3, 0.1, inputs=inputs)
+    late, scaled = faults.late_torque(experiment).inputs, faults.scaled_torque(2.0)(experiment).inputs
+    assert late is not None
+    assert scaled is not None
+    assert late.tolist() == [[0.0, 0.0], [1.0, 2.0], [3.0, 4.0]]
+    assert (scaled == 2 * inputs).all()
+    assert faults._key(experiment) != faults._key(faults.late_torque(experiment))
 
 
 def test_a_dropped_step_repeats_the_output_before_it(native: Fmu) -> None:

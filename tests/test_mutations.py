@@ -40,10 +40,12 @@ CAUGHT = {
     "trajectory": ON_MOTION,
     "crawford": ON_MOTION,
     "grillo": tuple(MUTATIONS),
+    "inputs": tuple(MUTATIONS),
     "errata": tuple(MUTATIONS),
     "work_precision": tuple(MUTATIONS),
     "methods": tuple(MUTATIONS),
     "stability": ON_DRAG,
+    "traps": ON_DRAG,
     "stiff_extreme": tuple(MUTATIONS),
 }
 

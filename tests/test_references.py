@@ -3,13 +3,14 @@
 Bounds are in units of EPS, the spacing of doubles at 1; each says how many roundings, and through what, it allows.
 """
 
-from math import pi, radians, sin, sqrt
+from math import factorial, pi, radians, sin, sqrt
 
 import mpmath as mp
 import numpy as np
 import pytest
 
 from validation import references
+from validation.references import discrete
 from validation.references import taylor as series
 
 EPS = 2.2e-16
@@ -314,6 +315,34 @@ def test_held_frequency_response_is_the_hold_and_its_images(k2):
     sampled, _ = references.held_frequency_response(w, H, k2, W02)
     assert abs(sampled / complex(total) - 1) <= 1e-8
     assert abs(references.hold(w, H) - complex((1 - mp.exp(-1j * w * H)) / (1j * w * H))) <= 4 * EPS
+
+
+@pytest.mark.parametrize("k2", [0.0, 0.5, 2 * sqrt(W02), 20.0])
+def test_the_response_to_a_cubic_is_a_cubic_and_the_free_evolution_from_it(k2):
+    H, n, row = 0.4, 5, [0.3, -1.0, 2.0, 1.5]  # the drive and its derivatives at the beginning
+    t, steps = H * np.arange(n + 1), np.arange(n)
+    factors = [1.0, H * steps, (H * steps) ** 2 / 2, (H * steps) ** 3 / 6]
+    rows = np.array([sum(row[j + i] * factors[i] for i in range(4 - j)) + 0 * steps for j in range(4)]).T
+    slopes = [0.0] * 6  # of the cubic: derivatives at t = 0, from the highest
+    for j in (3, 2, 1, 0):
+        slopes[j] = (row[j] - k2 * slopes[j + 1] - slopes[j + 2]) / W02
+    cubic = [sum(slopes[j + i] * t**i / factorial(i) for i in range(4 - j)) for j in (0, 1)]
+    free = references.free_evolution(t, -slopes[0], -slopes[1], k2, W02)
+    found = references.polynomial_response(rows, H, k2, W02)
+    # Cubic and free evolution, a few roundings each, cancel at first.
+    for ours, particular, rest in zip(found, cubic, free, strict=True):
+        size = np.max(np.abs(particular)) + np.max(np.abs(rest))
+        assert np.max(np.abs(ours - particular - rest)) <= 32 * EPS * size
+
+
+def test_rk4_under_a_held_drive_is_its_discrete_motion_for_small_angles():
+    u, H, h, small = [1.0, -2.0, 0.5], 0.3, 0.04, 1e-9
+    for k2 in (0.002, 5.0):
+        phi, w = references.rk4_response(u, H, k2, W02, h)
+        drive = [small * x for x in u]
+        motion = discrete.motion("ExplicitRungeKutta4", [0.0, H, 2 * H, 3 * H], 0.0, 0.0, k2, W02, h, drive)
+        assert np.max(np.abs(motion[0] / small - phi)) <= 24 * 4 * EPS * np.max(np.abs(phi))
+        assert np.max(np.abs(motion[1] / small - w)) <= 24 * 4 * EPS * np.max(np.abs(w))
 
 
 def test_held_response_is_that_of_steps():

@@ -135,12 +135,34 @@ def test_the_host_in_c_gives_the_bits_of_that_in_python(fmu_path: object, carrie
     held = Experiment(2.0, 0.1, {"gamma": 0.5}, lambda t: 0.3, ("phi", "w"))
     constant = replace(held, inputs=np.tile([0.3, 0.0, 0.0, 0.0], (20, 1)))
     with Fmu(fmu_path) as fmu:  # type: ignore[arg-type]
-        ours, theirs = fmu.run_in(host, constant), fmu.run(held)
+        ours, theirs, ourselves = fmu.run_in(host, constant), fmu.run(held), fmu.run(constant)
         lost = fmu.run_in(host, Experiment(1.0, 0.1, {"gamma": 1e6}, record=("phi", "w")))
     assert (ours["phi"] == theirs["phi"]).all()
     assert (ours["w"] == theirs["w"]).all()
+    assert (ourselves["w"] == theirs["w"]).all()
     assert lost.failure
     assert np.isnan(lost["phi"][-1])
+
+
+def test_an_fmu_that_does_not_interpolate_refuses_derivatives_of_its_input(
+    fmu_path: object, carrier: str
+) -> None:
+    experiment = Experiment(0.2, 0.1, inputs=np.ones((2, 2)))
+    with Fmu(fmu_path) as fmu:  # type: ignore[arg-type]
+        assert fmu.interpolates == (carrier == "native")
+        if fmu.interpolates:
+            # From rest phi is between tau/J*t^2/2 and that less w02*t^2/12 of it, for tau = 1 + t.
+            expected = 0.2**2 / 2 + 0.2**3 / 6
+            start = {"phi_start": 0.0, "gamma": 0.0}
+            phi = fmu.run(replace(experiment, start=start, inputs=np.array([[1.0, 1.0], [1.1, 1.0]])))["phi"][
+                -1
+            ]
+            assert expected * (1 - W02 * 0.2**2 / 12) <= phi <= expected
+        else:
+            with pytest.raises(
+                ValueError, match=r"does not interpolate its input: canInterpolateInputs is false$"
+            ):
+                fmu.run(experiment)
 
 
 def test_a_driven_scene_is_recorded_on_its_grid_alone(fmu_path: object) -> None:

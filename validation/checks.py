@@ -78,6 +78,7 @@ class Table:
     Attributes
     ----------
     shown : whether it stands in the report, not only in its CSV file
+    folded : whether it has to be opened in the report if it is long
     head : what stands before the headers in the CSV file, a name and a value a line
     """
 
@@ -86,18 +87,23 @@ class Table:
     rows: Sequence[Sequence[object]]
     note: str = ""
     shown: bool = True
+    folded: bool = True
     head: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A line of a plot; the style is chosen so that black and white is enough."""
+    """A line of a plot; the style is chosen so that black and white is enough.
+
+    `like` is the label of another curve whose colour it has.
+    """
 
     label: str
     x: ArrayLike
     y: ArrayLike
     line: str = "-"
     marker: str = ""
+    like: str = ""
 
 
 @dataclass(frozen=True)

@@ -48,15 +48,19 @@ def scaled_torque(factor: float) -> Callable[[Experiment], Experiment]:
     """Return the change that multiplies the torque."""
 
     def change(experiment: Experiment) -> Experiment:
-        torque = experiment.torque
+        torque, inputs = experiment.torque, experiment.inputs
+        if inputs is not None:
+            return replace(experiment, inputs=factor * inputs)
         return experiment if torque is None else replace(experiment, torque=lambda t: factor * torque(t))
 
     return change
 
 
 def late_torque(experiment: Experiment) -> Experiment:
-    """Return the experiment with each torque held a communication step later, 0 in the first."""
-    torque = experiment.torque
+    """Return the experiment with each torque a communication step later, 0 in the first."""
+    torque, inputs = experiment.torque, experiment.inputs
+    if inputs is not None:
+        return replace(experiment, inputs=np.vstack((np.zeros_like(inputs[:1]), inputs[:-1])))
     if torque is None:
         return experiment
     before = {now: then for then, now in pairwise(experiment.times())}
@@ -103,7 +107,7 @@ class Faulty(Fmu):
     """An FMU with a fault; runs that are the same are made once."""
 
     def __init__(self, fmu: Fmu, fault: Fault, made: dict[object, Run]) -> None:
-        self.path, self.native = fmu.path, fmu.native
+        self.path, self.native, self.interpolates = fmu.path, fmu.native, fmu.interpolates
         self._fmu, self._fault, self._made = fmu, fault, made
 
     def run(self, experiment: Experiment) -> Run:
@@ -119,7 +123,8 @@ def _key(experiment: Experiment) -> object:
     torque = experiment.torque
     times = experiment.times()
     held = None if torque is None else tuple(torque(t) for t in times[:-1])
-    return tuple(times), tuple(sorted(experiment.start.items())), tuple(experiment.record), held
+    cubics = None if experiment.inputs is None else experiment.inputs.tobytes()
+    return tuple(times), tuple(sorted(experiment.start.items())), tuple(experiment.record), held, cubics
 
 
 @dataclass(frozen=True)
@@ -241,6 +246,7 @@ class Overview:
             rows,
             "Each fault changes what the FMU gets or gives, and nothing else. A row that stands for the FMU has to "
             "break by one of them.",
+            folded=False,
         )
 
 

@@ -6,7 +6,7 @@ import io
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
-from ctypes import c_double, c_uint, c_void_p, cast
+from ctypes import c_double, c_int, c_uint, c_void_p, cast
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import pairwise
@@ -69,7 +69,7 @@ class Experiment:
     begin : start time [s]
     points : communication points [s] instead of those from `begin` to `stop`
     inputs : tau [N.m] and its first three derivatives by time at the beginning of each communication step, a row
-        each, instead of `torque`; for a `Host` alone
+        each, instead of `torque`; for an FMU that interpolates
     """
 
     stop: float
@@ -113,7 +113,9 @@ Host = Callable[..., int]
 
 
 class Fmu:
-    """The built FMU, extracted and instantiated once; `native` says that it needs no Python.
+    """The built FMU, extracted and instantiated once.
+
+    `native` says that it needs no Python, `interpolates` that it takes derivatives of its input.
 
     Raises
     ------
@@ -140,6 +142,7 @@ class Fmu:
         if missing:
             raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
         self.native = not self.description.coSimulation.needsExecutionTool
+        self.interpolates = bool(self.description.coSimulation.canInterpolateInputs)
         self._folder = fmpy.extract(str(path))
         self._slave = fmpy.instantiate_fmu(
             self._folder, self.description, "CoSimulation", debug_logging=True, logger=Fmu._log
@@ -168,6 +171,10 @@ class Fmu:
 
         The functions of the FMU are called as FMPy has loaded them, without the wrappers in Python around them, so
         that the time is that of the FMU.
+
+        Raises
+        ------
+        ValueError : derivatives of the input, for an FMU that does not interpolate
         """
         return self._run(experiment, None)
 
@@ -180,7 +187,7 @@ class Fmu:
         do_step = slave.dll.fmi2DoStep
         times = experiment.times()
         read = self._reader(experiment.record)
-        set_torque = self._torque_setter()
+        set_torque = self._torque_setter(experiment)
         rows: list[list[float]] = []
         self._messages.clear()
         with redirect_stderr(io.StringIO()):  # the reasons of failures are in the log, too
@@ -196,9 +203,9 @@ class Fmu:
                 seconds = self._loop_of(host, experiment, times, rows)
             else:
                 begin = clock()
-                for now, then in pairwise(times) if ready else ():
-                    if experiment.torque is not None:
-                        set_torque(experiment.torque(now))
+                for i, (now, then) in enumerate(pairwise(times)) if ready else ():
+                    if set_torque is not None:
+                        set_torque(i, now)
                     if do_step(component, now, then - now, fmi2True) > fmi2Warning:
                         rows.append([nan] * len(experiment.record))
                         break
@@ -251,16 +258,35 @@ class Fmu:
 
         return read
 
-    def _torque_setter(self) -> Callable[[float], None]:
-        slave = self._slave
+    def _torque_setter(self, experiment: Experiment) -> Callable[[int, float], None] | None:
+        """Return what sets the input at the beginning of a communication step, by its number and its time [s]."""
+        torque, inputs = experiment.torque, experiment.inputs
         reference, value = (c_uint * 1)(self._reference["tau"]), (c_double * 1)()
-        set_real, component = slave.dll.fmi2SetReal, slave.component
+        set_real, component = self._slave.dll.fmi2SetReal, self._slave.component
+        if inputs is None:
+            if torque is None:
+                return None
 
-        def set_torque(tau: float) -> None:
-            value[0] = tau
+            def set_torque(_: int, now: float) -> None:
+                value[0] = torque(now)
+                set_real(component, reference, 1, value)
+
+            return set_torque
+        if not self.interpolates:
+            raise ValueError(
+                f"{self.path.name} does not interpolate its input: canInterpolateInputs is false"
+            )
+        n = inputs.shape[1] - 1
+        references, orders = (c_uint * n)(*[reference[0]] * n), (c_int * n)(*range(1, n + 1))
+        derivatives = (c_double * n)()
+        set_derivatives, rows = self._slave.dll.fmi2SetRealInputDerivatives, inputs.tolist()
+
+        def set_polynomial(i: int, _: float) -> None:
+            value[0], *derivatives[:] = rows[i]
             set_real(component, reference, 1, value)
+            set_derivatives(component, references, n, orders, derivatives)
 
-        return set_torque
+        return set_polynomial
 
 
 def degrees(angle: float) -> dict[str, float]:

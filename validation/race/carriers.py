@@ -59,29 +59,25 @@ def host_of(fmu: Fmu) -> Host | None:
         return None
 
 
-def experiment(scene: Scene, method: int, substeps: float) -> Experiment:
+def experiment(scene: Scene, method: int, substeps: float, interpolates: bool) -> Experiment:
     """Return the run with so many substeps in a communication step.
 
-    With a drive the communication step is the substep. The torque is that of its middle, held, or in a host in C, which
-    sets derivatives of the input, a cubic.
+    With a drive the communication step is the substep. The torque is that of its middle, held, or for an FMU that
+    interpolates a cubic.
     """
     h = scene.step / substeps
     start = {**scene.start, "solver.method": method, "solver.stepSize": h}
     record = ("phi", "w")
     if (drive := scene.drive) is None:
         return Experiment(scene.stop, scene.step, start, record=record)
-    return Experiment(
-        scene.stop,
-        h,
-        start,
-        lambda t: drive(t + h / 2),
-        record,
-        inputs=drive.polynomials(h, round(scene.stop / h)),
-    )
+    if interpolates:
+        inputs = drive.polynomials(h, round(scene.stop / h))
+        return Experiment(scene.stop, h, start, record=record, inputs=inputs)
+    return Experiment(scene.stop, h, start, lambda t: drive(t + h / 2), record)
 
 
 def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float, _: float) -> Run:
-    prepared, host = experiment(scene, method, substeps), host_of(fmu)
+    prepared, host = experiment(scene, method, substeps, fmu.interpolates), host_of(fmu)
     stride = 1 if scene.drive is None else int(substeps)
 
     def run() -> Outcome:

@@ -62,10 +62,9 @@ def fastest(fmu: Fmu, scene: Scene) -> Table:
     """Return who is the fastest of each group to every error of the scene."""
     race = raced(fmu, scene)
     groups = {"FMU": OURS, **GROUPS[fmu.native]}
-    times = ("median [s]", "10 % [s]", "90 % [s]")
-    columns = ["error", "method of the FMU", "h [s]", *times]
+    columns = ["error", "method of the FMU", "h [s]", "time [ms]"]
     for group in GROUPS[fmu.native]:
-        columns += [group, "tolerance", *times, f"{group}/FMU"]
+        columns += [group, "tolerance", "time [ms]", f"{group}/FMU"]
     rows = []
     for error in scene.targets:
         row: list[object] = [f"{error:.0e}"]
@@ -73,14 +72,19 @@ def fastest(fmu: Fmu, scene: Scene) -> Table:
             key = race.fastest(names, error)
             if key is None:
                 chosen = [solver for solver in _solvers(fmu) if solver.name in names]
-                row += [why_not(chosen, scene, error), "", "", "", ""]
+                row += [why_not(chosen, scene, error), "", ""]
             else:
-                rung = race.rungs[key]
-                row += [key[0], shown(scene, rung.solver, key[1]), *percentiles(race.times[key])]
+                median, low, high = (1e3 * seconds for seconds in percentiles(race.times[key]))
+                knob = f"{shown(scene, race.rungs[key].solver, key[1]):.3g}"
+                row += [key[0], knob, f"{median:.3g} ({low:.3g} to {high:.3g})"]
             if group != "FMU":
                 row.append(interval(compare(race, OURS, names, error).ratio))
         rows.append(row)
-    note = "Errors are the largest on the grid of communication points. Intervals of 95 percent."
+    note = (
+        "Errors are the largest on the grid of communication points. The FMU's step is fitted to the error to "
+        f"{100 * contest.FINENESS:g} percent, tolerances are on a grid of a decade or less. Times: median and from "
+        "the 10th to the 90th percentile of the rounds; ratios: median and interval of 95 percent."
+    )
     return Table(f"Fastest to an error: {scene.name}", columns, rows, note)
 
 
@@ -126,7 +130,7 @@ def choice(fmu: Fmu) -> Table:
         "The step is the longest that reaches the error. Under strong drag ImplicitTrapezoid is left out: what it does "
         "not resolve it does not damp, R(-infinity) = -1."
     )
-    return Table("Which method for which task", columns, rows, note)
+    return Table("Which method for which task", columns, rows, note, folded=False)
 
 
 def _choice(fmu: Fmu, scene: Scene, ours: Sequence[str], error: float) -> tuple[str, str, str]:
@@ -191,7 +195,15 @@ def against_evaluations(fmu: Fmu, scene: Scene) -> Plot:
         if rung.errors.largest < 10 and rung.evaluations > 0:
             points.setdefault(rung.solver.name, []).append((rung.errors.largest, rung.evaluations))
     title = f"Error against evaluations: {scene.name}"
-    note = "The same without a clock: what no machine changes. Of a Taylor series each coefficient counts."
+    ended = [
+        solver.name
+        for solver in _solvers(fmu)
+        if ladder(solver, scene)[-1].errors.largest > scene.targets[-1]
+    ]
+    note = (
+        "The same without a clock: what no machine changes. Of a Taylor series each coefficient counts."
+        + (f" Cut off before the least error: {', '.join(ended)}." * bool(ended))
+    )
     return Plot(title, f"largest error [{_unit(scene)}]", "evaluations", _curves(points), "xy", note)
 
 

@@ -11,9 +11,9 @@ from math import ceil, cos, sin
 import numpy as np
 
 from .arrays import State
+from .linear import NOISE
 from .methods import METHODS, Tableau
 
-NOISE = 1e-9  # relative rounding of a communication step, which adds no substep
 Step = Callable[[float, float, float, float, int], tuple[float, float]]
 
 

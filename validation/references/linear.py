@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import ceil, pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
 from scipy.special import wofz
 
 from .arrays import Array, State
+
+NOISE = 1e-9  # relative rounding of a communication step, which adds no substep
 
 
 def impulse_response(t: ArrayLike, k2: float, w02: float) -> State:
@@ -112,10 +115,50 @@ def held_step(H: float, k2: float, w02: float) -> tuple[Array, Array]:
 def held_response(u: ArrayLike, H: float, k2: float, w02: float) -> State:
     """Return the linear angle and rate at n*H, n = 0 ... len(u), from rest, the drive u[n] held from n*H to (n+1)*H."""
     A, b = held_step(H, k2, w02)
-    y = [np.zeros(2)]
-    for value in np.asarray(u, dtype=float):
-        y.append(A @ y[-1] + b * value)
-    table = np.array(y)
+    return _stepped(A, np.outer(np.asarray(u, dtype=float), b))
+
+
+def rk4_step(H: float, k2: float, w02: float, h: float) -> tuple[Array, Array]:
+    """Return A, b as `held_step`, but of RK4 with equal substeps of at most `h` [s].
+
+    About the deflection by the drive a substep multiplies by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z the matrix of
+    y' = A*y times the substep.
+    """
+    n, one = ceil(H / h * (1 - NOISE)), np.eye(2)
+    z = H / n * np.array([[0.0, 1.0], [-w02, -k2]])
+    step = np.linalg.matrix_power(one + z @ (one + z @ (one + z @ (one + z / 4) / 3) / 2), n)
+    return step, (one - step) @ np.array([1 / w02, 0.0])
+
+
+def rk4_response(u: ArrayLike, H: float, k2: float, w02: float, h: float) -> State:
+    """Return what RK4 with substeps of at most `h` [s] makes of `held_response`."""
+    A, b = rk4_step(H, k2, w02, h)
+    return _stepped(A, np.outer(np.asarray(u, dtype=float), b))
+
+
+def polynomial_response(rows: ArrayLike, H: float, k2: float, w02: float) -> State:
+    """Return the linear angle and rate at n*H, n = 0 ... len(rows), from rest, the drive a polynomial in each step.
+
+    A row has the drive and its derivatives by time at the beginning of the step. The step is the exponential of the
+    system whose states are angle, rate, drive and derivatives.
+    """
+    inputs = np.asarray(rows, dtype=float)
+    n = inputs.shape[1]
+    system = np.eye(2 + n, k=1)
+    system[1, :3] = -w02, -k2, 1.0
+    step = expm(H * system)[:2]
+    return _stepped(step[:, :2], inputs @ step[:, 2:].T)
+
+
+def _stepped(A: Array, added: Array) -> State:
+    """Return angles and rates of y[n + 1] = A*y[n] + added[n] from rest."""
+    (a, b), (c, d) = A.tolist()
+    phi = w = 0.0
+    states = [(phi, w)]
+    for x, y in added.tolist():
+        phi, w = a * phi + b * w + x, c * phi + d * w + y
+        states.append((phi, w))
+    table = np.array(states)
     return table[:, 0], table[:, 1]
 
 

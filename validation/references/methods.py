@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from scipy.special import ellipe, ellipkm1
 
 from .arrays import Array, State
 from .linear import real_roots
@@ -134,6 +135,18 @@ METHODS = {
     "SDIRK4": Method(4, SDIRK4, stable=True),
     "TaylorSeries": Method(16),
 }
+
+
+def rk4_lag(amplitude: float) -> float:
+    """Return c of the relative growth c*(h*w0)^4 of RK4's period of undamped swings from `amplitude` [rad].
+
+    c = (1 + 29*m + 6*m^2 + 35*(1 - 2*m)*E(m)/K(m))/4320 with the complete elliptic integrals of m = sin(amplitude/2)^2,
+    1/120 for small swings. Found by integer relations (PSLQ) between runs of the method in 60 digits, extrapolated to
+    h = 0, for eight rational m.
+    """
+    m = np.sin(amplitude / 2) ** 2
+    ratio = ellipe(m) / ellipkm1(np.cos(amplitude / 2) ** 2)
+    return float((1 + 29 * m + 6 * m * m + 35 * (1 - 2 * m) * ratio) / 4320)
 
 
 def linear_radius(method: Method, k2: float, w02: float, h: float) -> float:

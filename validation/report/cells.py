@@ -37,16 +37,27 @@ def is_number(value: object) -> bool:
     return True
 
 
-def check_cells(check: Check) -> tuple[str, ...]:
-    """Return a check as the cells of `CHECK_COLUMNS`."""
+def check_values(check: Check) -> tuple[str | float, ...]:
+    """Return a check as values of `CHECK_COLUMNS`; numbers keep all their digits."""
     return (
         check.name,
         KINDS[check.about],
-        number(check.measured),
+        check.measured,
         ">=" if check.at_least else "<=",
-        number(check.bound),
+        check.bound,
         check.unit,
-        number(check.margin),
+        check.margin,
         "holds" if check.holds else "FAILS",
         check.reason,
     )
+
+
+def check_cells(check: Check) -> tuple[str, ...]:
+    """Return a check as the cells of `CHECK_COLUMNS`."""
+    return tuple(value if isinstance(value, str) else number(value) for value in check_values(check))
+
+
+def short_cells(check: Check) -> tuple[str, ...]:
+    """Return a check as its name, number, bound and reason."""
+    name, _, measured, relation, bound, unit, *_, reason = check_cells(check)
+    return name, f"{measured} {unit}".strip(), f"{relation} {bound}", reason

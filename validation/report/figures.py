@@ -13,9 +13,9 @@ from ..checks import About, Check, Curve, Plot
 from .section import Section
 
 INK = "#010203"  # of axes and text; in a page it is the colour of the text around the picture
-COLOURS = (INK, "#8a8a8a", "#3c78b4", "#b8862b", "#7a4ea3", "#5f9e33", "#d0552b", "#2a9a9a")
-# A solver has its colour in all pictures; the names are parts of the labels of curves. A rival has that of the method
-# that it is most like.
+COLOURS = (INK, "#8a8a8a", "#b8862b", "#7a4ea3", "#5f9e33", "#d0552b", "#2a9a9a", "#3c78b4")
+# A solver has its colour in all pictures; the names are parts of the labels of curves, of which the first in this
+# order counts. A rival has that of the method that it is most like.
 SOLVERS = {
     "ExplicitEuler": "#8a8a8a",
     "ExplicitMidPoint2": "#5f9e33",
@@ -32,6 +32,7 @@ SOLVERS = {
     "BDF": "#9066c0",
     "odeint": INK,
     "heyoka": "#2f7fd1",
+    "RK4": "#2f7fd1",
 }
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -120,12 +121,14 @@ def _draw(plot: Plot, kind: str, style: dict[str, Any], metadata: dict[str, Any]
 
 
 def _curves(axes: Any, curves: Sequence[Curve], logarithmic: str) -> None:
+    colours: dict[str, str] = {}
     for i, curve in enumerate(curves):
+        colours[curve.label] = colours[curve.like] if curve.like else _colour(curve.label, i)
         every = max(1, len(np.asarray(curve.x)) // POINTS)
         axes.plot(
             np.asarray(curve.x)[::every],
             np.asarray(curve.y)[::every],
-            color=_colour(curve.label, i),
+            color=colours[curve.label],
             linestyle=curve.line or "none",
             marker=curve.marker,
             markersize=4,
@@ -140,7 +143,9 @@ def _curves(axes: Any, curves: Sequence[Curve], logarithmic: str) -> None:
 
 
 def _colour(label: str, position: int) -> str:
-    """Return the colour of a curve: that of the solver in its label, or by its position."""
+    """Return the colour of a curve: that of the exact answer, of the solver in its label, or by its position."""
+    if label.startswith("exact"):
+        return INK
     found = [colour for name, colour in SOLVERS.items() if name in label]
     return found[0] if found else COLOURS[position % len(COLOURS)]
 

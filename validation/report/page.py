@@ -17,12 +17,12 @@ from markupsafe import Markup
 
 from ..checks import Note, Plot, Result, Table
 from . import figures
-from .cells import CHECK_COLUMNS, cell, check_cells, is_number
+from .cells import CHECK_COLUMNS, cell, check_cells, check_values, is_number, short_cells
 from .section import Section, counts, summary
 from .words import GLOSSARY, TASKS
 
 FOLDER = Path(__file__).resolve().parent
-LONG = 12  # rows of a table that is shown without being opened
+LONG = 10  # rows of a table that is shown without being opened
 PACKAGES = ("pythonfmu", "fmpy", "numpy", "scipy")
 
 
@@ -30,7 +30,7 @@ def write(sections: Sequence[Section], folder: Path, fmu: Path, pictures: bool) 
     """Write index.html and the CSV files into `folder` and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
     checks = [check for section in sections for check in section.checks]
-    write_csv(folder / "checks.csv", CHECK_COLUMNS, map(check_cells, checks))
+    write_csv(folder / "checks.csv", CHECK_COLUMNS, map(check_values, checks))
     for section in sections:
         for table in section.of(Table):
             write_csv(
@@ -56,6 +56,7 @@ def render(sections: Sequence[Section], fmu: Path, pictures: bool) -> str:
         "all_hold": lambda checks: all(check.holds for check in checks),
         "cell": cell,
         "cells": check_cells,
+        "short_cells": short_cells,
         "failing_first": lambda checks: sorted(checks, key=lambda check: check.holds),
         "is_number": is_number,
         "kind": lambda result: type(result).__name__,
@@ -68,6 +69,10 @@ def render(sections: Sequence[Section], fmu: Path, pictures: bool) -> str:
         TASKS=TASKS,
         counts=counts(sections),
         failing=[check for section in sections for check in section.checks if not check.holds],
+        headlines=sorted(
+            (result for section in sections for result in section.results if is_headline(result)),
+            key=lambda result: isinstance(result, Plot),
+        ),
         is_headline=is_headline,
         margins=Markup(figures.margins(sections)) if pictures else "",
         picture=lambda plot: Markup(figures.svg(plot)),

@@ -17,15 +17,17 @@ from ..fmu import Fmu
 
 NAMES = (
     "elliptic_period",
-    "impulse_response",
     "trajectory",
+    "impulse_response",
+    "methods",
+    "stability",
+    "traps",
+    "inputs",
+    "stiff_extreme",
+    "work_precision",
     "crawford",
     "grillo",
     "errata",
-    "work_precision",
-    "methods",
-    "stability",
-    "stiff_extreme",
 )
 
 

@@ -24,7 +24,7 @@ from ..metrics import (
     upward_crossings,
 )
 from ..references import discrete
-from ..references.methods import METHODS
+from ..references.methods import METHODS, rk4_lag
 from .scene import Case, Scene
 
 TITLE = "Elliptic period"
@@ -36,8 +36,7 @@ PERIODS = 5
 STEP = 0.008  # communication step [s], 8, 4 and 2 substeps; the interpolation is then exact to 4e-16 s
 SUBSTEP = 1e-3  # [s], the default
 RK4 = SolverMethod.ExplicitRungeKutta4.name
-PHASE_AMPLITUDE = 0.1  # [deg] of the swing that shows RK4's h^4 error alone
-PHASE_SUBSTEP = 2e-3  # of the finest of its runs [s]; the error is then far above rounding
+PHASE_SUBSTEP = 2e-3  # [s] of the finest of the runs that show RK4's h^4 error; it is then far above rounding
 
 
 @dataclass(frozen=True)
@@ -72,27 +71,31 @@ class PeriodScene(Scene):
 
 @dataclass(frozen=True)
 class PhaseScene(Scene):
-    """The h^4 error of RK4's period of small swings: the argument of R(i*z) is z*(1 - z^4/120), z = h*w0."""
+    """The h^4 error of RK4's period at an amplitude [deg], c*(h*w0)^4 of it."""
 
-    TITLE = "h^4 error of RK4's period"
+    TITLE = "h^4 error of RK4's period at {0.amplitude:g} deg"
+
+    amplitude: float
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield the error, told from the h^5 error by three runs."""
-        amplitude = radians(PHASE_AMPLITUDE)
+        amplitude = radians(self.amplitude)
         phase, _ = phase_and_drift(
             *(measured_period(fmu, amplitude, G, n * PHASE_SUBSTEP) for n in (1, 2, 4))
         )
         z = PHASE_SUBSTEP * sqrt(G)
-        predicted = z**4 / 120 * references.period(amplitude, G)
+        c = rk4_lag(amplitude)
+        predicted = c * z**4 * references.period(amplitude, G)
         rounding = (32 + 1) / (16 * 15) * 2 * _rounding(amplitude, G)
         yield Check(
-            f"{self.name} at {PHASE_AMPLITUDE:g} deg",
+            self.name,
             abs(phase / predicted - 1),
-            amplitude**2 + 16 * z * z + rounding / predicted,
-            "(h*w0)^4/120 of the period in theory; the amplitude squared, the next term (4*h*w0)^2, and round-off",
+            16 * z * z + rounding / predicted,
+            f"{c:.12g}*(h*w0)^4 of the period in theory; the next term (4*h*w0)^2, and round-off",
         )
 
 
+@cache
 def measured_period(fmu: Fmu, amplitude: float, g: float, substep: float) -> float:
     """Return the mean period [s] of `PERIODS` swings of the FMU from `amplitude` [rad], NaN if it shows fewer."""
     start = {"gamma": 0.0, "g": g, "phi_start": amplitude, "solver.stepSize": substep}
@@ -261,8 +264,8 @@ def _curve(fmu: Fmu) -> Iterator[Result]:
     own = [abs(predicted_error(amplitude, G)) for amplitude in amplitudes]
     moderate = AMPLITUDES.index(170) + 1
     yield Note(
-        f"Accuracy: with ExplicitRungeKutta4 and the default step of 1 ms the period of a free swing from 1 to 170 "
-        f"deg is right to {largest(errors[:moderate]):.1e} s, and what is wrong is the method's own error to "
+        f"Accuracy: with ExplicitRungeKutta4 and the default step of 1 ms the periods of free swings from 1 to 170 "
+        f"deg are right to {largest(errors[:moderate]):.1e} s, and theory explains what is wrong to "
         f"{largest(np.abs(errors - own)[:moderate]):.0e} s.",
         headline=True,
     )
@@ -301,9 +304,12 @@ def _against_step(fmu: Fmu) -> Iterator[Result]:
             steps.append(T / n)
             errors.append(state_error(run["phi"][-1:], run["w"][-1:], exact))
         curves.append(Curve(method.name, steps, errors, "-", "o"))
-    for order in sorted({METHODS[method.name].order for method in SolverMethod}):
-        h = np.array([0.004, 0.04])
-        curves.append(Curve(f"slope {order}", h, 0.3 * (h / 0.04) ** order * 0.1 ** (order - 1), ":"))
+    triangles = [  # h [s] and error of the lower left corner, width
+        (order, h * np.array([1, width, width, 1, nan]), low * np.array([1, 1, width**order, 1, nan]))
+        for order, h, low, width in ((1, 3e-3, 0.15, 4), (2, 3e-3, 2e-7, 2), (4, 3e-3, 2e-13, 2))
+    ]
+    x, y = (np.concatenate(columns) for columns in list(zip(*triangles, strict=True))[1:])
+    curves.append(Curve("triangles: slopes 1, 2 and 4", x, y))
     yield Plot(
         "Error after a period from 30 deg against the step",
         "h [s]",
@@ -311,7 +317,8 @@ def _against_step(fmu: Fmu) -> Iterator[Result]:
         curves,
         "xy",
         y_range=(1e-17, 10.0),
-        note="Parallel to the dotted lines, the errors fall with the order of the method, down to rounding at 1e-15.",
+        note="The errors fall with the order of the method, down to rounding at 1e-15, where TaylorSeries of order 16 "
+        "is from the beginning.",
     )
 
 
@@ -348,6 +355,6 @@ SCENES = (
     Case("error against step", _against_step),
     Case("error against time", _against_time),
     *(PeriodScene(amplitude, g) for g in GRAVITIES for amplitude in AMPLITUDES),
-    PhaseScene(),
+    *(PhaseScene(amplitude) for amplitude in (0.1, 30, 90)),
     *(OrderScene(method, amplitude, n) for method, n in SUBSTEPS.items() for amplitude in (30, 90)),
 )

@@ -1,37 +1,29 @@
-"""The integration methods one by one: the discrete motion, the order, stability, and what each is made for."""
+"""The integration methods one by one: the discrete motion, the order, the energy, and what each is made for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import exp, hypot, pi, radians
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ellipk
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table
 from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
-from ..metrics import largest, observed_order, state_error
+from ..metrics import SAFETY, largest, observed_order, state_error
 from ..references import discrete
-from ..references.methods import METHODS, linear_radius
+from ..references.methods import METHODS
 from .scene import Case, Scene
-from .stability import measured_radius
 
 TITLE = "Methods"
 FORMULA = (
-    "tableaux and the Taylor series of phi, each substep; |R(h*lambda)| <= 1; radius of convergence K(k')/w0"
+    "tableaux and the Taylor series of phi; radius of convergence K(k')/w0; dE/dt by the modified equation"
 )
 
 EPS = 2.2e-16
 RUNGE_KUTTA = tuple(method for method in SolverMethod if METHODS[method.name].tableau is not None)
-ASYMPTOTIC = (  # R(z) where the drag is so strong that a step is far beyond the time of its decay
-    (SolverMethod.ImplicitEuler, 0.0),
-    (SolverMethod.ImplicitTrapezoid, 1.0),
-    (SolverMethod.TRBDF2, 0.0),
-    (SolverMethod.SDIRK4, 0.0),
-)
 
 
 # The discrete motion
@@ -137,12 +129,13 @@ def _radius(fmu: Fmu) -> Iterator[Result]:
         radius = radius_of_convergence(amplitude)
         errors = [largest(_step_errors(fmu, amplitude, x * radius)) for x in shares]
         curves.append(Curve(f"{angle} deg, radius {radius:.3g} s", shares, errors, marker="o"))
-        bounds = [1.5 * truncation(x, radius, order) + 16 * EPS * pi for x in shares]
+        bounds = [SAFETY * truncation(x, radius, order) + 16 * EPS * pi for x in shares]
         yield Check(
             f"Taylor step from all phases of a swing from {angle} deg, h up to 0.6 of the radius of convergence",
             largest(error / bound for error, bound in zip(errors, bounds, strict=True)),
             1.0,
-            "of 1.5 x the terms beyond the order 16 by the nearest singularities, and rounding of the angle",
+            f"of {SAFETY} x the terms beyond the order 16 by the nearest singularities, and sixteen roundings of the "
+            "angle",
         )
     bound = [truncation(x, radius_of_convergence(radians(30)), order) for x in shares]
     yield Plot(
@@ -167,111 +160,102 @@ def _step_errors(fmu: Fmu, amplitude: float, h: float) -> Iterator[float]:
         yield state_error(run["phi"][-1:], run["w"][-1:], exact)
 
 
-# Stability
+# Energy
 
 
 @dataclass(frozen=True)
-class StabilityScene(Scene):
-    """One step of small motions against |R(h*lambda)|, R from the tableau, within and beyond the limits."""
+class DriftScene(Scene):
+    """Energy drift per period of large undamped swings; `h` [s] is rounded so that it divides the period."""
 
-    TITLE = "stability function of {0.method.name}"
+    TITLE = "energy drift of {0.method.name}"
 
     method: SolverMethod
+    h: float
+    next_term: Callable[[float], float]
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
-        """Yield the largest difference over a grid of damping rates and steps."""
-        known = METHODS[self.method.name]
-        # Longer substeps of the implicit methods are divided: a stage must have a single root.
-        reach = 0.9 / known.tableau.A[-1][-1] if known.tableau is not None and known.stable else 5.0
-        differences = []
-        for k2 in (0.002, 1.0, 6.0, 50.0, 1e3):
-            for share in (0.02, 0.1, 0.3, 0.6, 1.0):
-                h = share * reach / max(W0, k2)
-                expected = linear_radius(known, k2, W02, h)
-                differences.append(
-                    abs(measured_radius(fmu, self.method, k2, h) - expected) / max(1.0, expected)
-                )
-        yield Check(
-            f"spectral radius of a step of {self.method.name}, {len(differences)} steps and damping rates",
-            largest(differences),
-            1e-13,
-            "|R(h*lambda)|; rounding of a step from 1e-9 rad, magnified where the eigenvalues lie close together",
-        )
+        """Yield the rows."""
+        method = METHODS[self.method.name]
+        for angle in (30, 90, 150):
+            amplitude = radians(angle)
+            T = references.period(amplitude, W02)
+            n = round(T / self.h)
+            h = T / n
+            start = {
+                "gamma": 0.0,
+                "phi_start": amplitude,
+                "solver.method": self.method,
+                "solver.stepSize": h,
+            }
+            energy = fmu.run(Experiment(T, T, start, record=("E",)))["E"]
+            # The trapezoidal rule over a whole period converges exponentially.
+            orbit = references.libration(np.arange(400) * T / 400, amplitude, W02)
+            predicted = T * method.energy_drift(h, orbit, W02)
+            yield Check(
+                f"energy drift per period of {self.method.name} at {angle} deg",
+                abs((energy[-1] - energy[0]) / predicted - 1),
+                self.next_term(h * W0),
+                f"{predicted / energy[0]:.4e} of E in theory; the next term bounds it, h*w0 = {h * W0:.3g}",
+            )
 
 
-def _limits_of_taylor(fmu: Fmu) -> Iterator[Result]:
-    """Show that single steps of the linear pendulum stop to contract at the ends of the stable intervals."""
-    # The smallest y > 0 with |R(iy)| = 1 and x > 0 with R(-x) = 1, R the polynomial of exp of degree 16, by mpmath.
-    imaginary, real = 3.324813118538514420, 7.324333562787595322
-    for name, k2, limit, margin in (
-        ("undamped", 0.0, imaginary / W0, 1e-3),
-        ("gamma/m = 1e6/s", 1e6, real / 1e6, 1e-8),
-    ):
-        inside, beyond = (
-            measured_radius(fmu, SolverMethod.TaylorSeries, k2, limit * (1 + s * margin)) - 1 for s in (-1, 1)
-        )
-        yield Check(
-            f"largest stable step of TaylorSeries, {name}",
-            float(inside <= 4 * EPS) + float(beyond > 4 * EPS),
-            2,
-            f"{limit:.9g} s; a relative {margin:g} below it a step does not grow, above it it does",
-            at_least=True,
-        )
+ORBITS = (  # method, h [s]: steps at which the errors show
+    (SolverMethod.ExplicitEuler, 0.01),
+    (SolverMethod.ImplicitEuler, 0.01),
+    (SolverMethod.ExplicitMidPoint2, 0.1),
+    (SolverMethod.ImplicitTrapezoid, 0.1),
+    (SolverMethod.TRBDF2, 0.1),
+    (SolverMethod.ExplicitRungeKutta4, 0.2),
+    (SolverMethod.SDIRK4, 0.2),
+    (SolverMethod.TaylorSeries, 0.2),
+)
 
 
-def _at_infinity(fmu: Fmu) -> Iterator[Result]:
-    """Show what is left of a fast decay after one step far longer than it."""
-    k2, h = 1e9, 1.0
-    for method, expected in ASYMPTOTIC:
-        start = {"gamma": k2, "phi_start": 0.0, "w_start": 1.0, "g": 0.0}
-        start |= {"solver.method": method, "solver.stepSize": h}
-        rate = float(fmu.run(Experiment(h, h, start, record=("w",)))["w"][-1])
-        yield Check(
-            f"{method.name} after a step of 1e9 decay times",
-            abs(abs(rate) - expected),
-            20 / (k2 * h),
-            f"|R(-inf)| = {expected:g}, reached to within |R(z)| - |R(-inf)| = O(1/|z|), z = -1e9",
-        )
-
-
-def unit_curve(name: str, window: float) -> NDArray[np.complex128]:
-    """Return z with |R(z)| = 1 from z = 0 on, R(z) = exp(i*theta), as far as it lies in |z| < `window`."""
-    R = METHODS[name].stability
-    step = 0.02
-    points = []
-    for direction in (1, -1):
-        z, theta = 0j, 0.0
-        while abs(z) < window and theta < 2 * pi * METHODS[name].order:
-            theta += step
-            for _ in range(20):
-                slope = (R(z + 1e-6) - R(z - 1e-6)) / 2e-6
-                correction = (R(z) - np.exp(1j * direction * theta)) / slope
-                z -= correction
-                if abs(correction) < 1e-12:
-                    break
-            points.append(z)
-            if theta > pi and abs(z) < step:  # around
-                break
-        points = points[::-1]
-    return np.array(points)
-
-
-def _regions(_: Fmu) -> Iterator[Result]:
-    """Draw where |R(z)| = 1."""
-    curves = []
-    for method in SolverMethod:
-        z = unit_curve(method.name, 12.0)
-        curves.append(Curve(method.name, z.real, z.imag))
+def _orbits(fmu: Fmu) -> Iterator[Result]:
+    """Draw what the methods do to an undamped swing from 90 deg."""
+    amplitude, stop = radians(90), 20.0
+    T = references.period(amplitude, W02)
+    exact = references.libration(np.linspace(0, T, 201), amplitude, W02)
+    top = np.linspace(-pi, pi, 201)
+    separatrix = 2 * W0 * np.cos(top / 2)
+    orbits = [
+        Curve("exact", np.degrees(exact[0]), exact[1]),
+        Curve(
+            "separatrix, the orbit through the upright position",
+            np.degrees(np.append(top, top[::-1])),
+            np.append(separatrix, -separatrix),
+            ":",
+        ),
+    ]
+    energies, errors = [], []
+    for method, h in ORBITS:
+        start = {"gamma": 0.0, "phi_start": amplitude, "solver.method": method, "solver.stepSize": h}
+        run = fmu.run(Experiment(stop, h, start, record=("phi", "w", "E")))
+        shown = run.t <= 4 * T
+        label = f"{method.name}, h = {1e3 * h:g} ms"
+        line = "-" if h < 0.05 else ""
+        orbits.append(Curve(label, np.degrees(run["phi"][shown]), run["w"][shown], line, "." * (not line)))
+        energies.append(Curve(label, run.t, run["E"] / run["E"][0]))
+        error = np.abs(run["phi"] - references.libration(run.t, amplitude, W02)[0])
+        errors.append(Curve(label, run.t[1:], error[1:]))
     yield Plot(
-        "|R(z)| = 1 in the plane of z = h*lambda",
-        "Re(h*lambda)",
-        "Im(h*lambda)",
-        curves,
-        note="The explicit methods are stable inside their curves, the implicit ones outside, on all of the left side.",
+        "Phase portrait of the methods, undamped, from 90 deg",
+        "phi [deg]",
+        "w [rad/s]",
+        orbits,
+        note="Four periods. ExplicitEuler spirals out towards the separatrix, ImplicitEuler in; the methods of "
+        "higher order, dots, stay close to the exact orbit, with steps ten and twenty times as long.",
     )
-
-
-# Energy
+    yield Plot(
+        "Energy against time by method, undamped, from 90 deg",
+        "t [s]",
+        "E/E(0)",
+        energies,
+        note="The exact energy is 1. Below: error of the angle against the elliptic solution.",
+        below=errors,
+        below_label="|error| [rad]",
+        below_logarithmic="y",
+    )
 
 
 def _energy_of_the_trapezoid(fmu: Fmu) -> Iterator[Result]:
@@ -369,10 +353,11 @@ SCENES = (
     *(SubstepScene(method) for method in SolverMethod),
     *(OrderScene(method) for method in RUNGE_KUTTA),
     Case("radius of convergence", _radius),
-    *(StabilityScene(method) for method in SolverMethod),
-    Case("largest stable steps of TaylorSeries", _limits_of_taylor),
-    Case("fast decay", _at_infinity),
-    Case("stability regions", _regions),
+    DriftScene(SolverMethod.ExplicitEuler, 1e-4, lambda z: pi * z),
+    DriftScene(SolverMethod.ImplicitEuler, 1e-4, lambda z: pi * z),
+    DriftScene(SolverMethod.ExplicitMidPoint2, 5e-3, lambda z: z * z),
+    DriftScene(SolverMethod.ExplicitRungeKutta4, 0.02, lambda z: z * z),
+    Case("orbits and energies", _orbits),
     Case("energy of ImplicitTrapezoid", _energy_of_the_trapezoid),
     Case("Gear's formula", _gear),
     StiffScene(SolverMethod.ImplicitEuler, 1000),

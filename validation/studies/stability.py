@@ -1,4 +1,4 @@
-"""Largest stable steps, growth per period and the traps of the nonlinear pendulum, measured through the FMU."""
+"""Largest stable steps, growth per period and the stability function of small motions, measured through the FMU."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from cmath import phase
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import partial
-from math import ceil, hypot, log, nan, pi, radians, sqrt
+from functools import cache, partial
+from math import factorial, hypot, log, nan, pi, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .. import references
 from ..checks import Check, Curve, Note, Plot, Result, Table, formula
 from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
-from ..metrics import Array, largest, state_error, walk
-from ..references import discrete
+from ..metrics import Array, largest
 from ..references.methods import METHODS, linear_radius
 from .scene import Case, Scene
 
@@ -60,6 +59,17 @@ LIMITS = {
         "7.32433356286e-6",
     ),
 }
+UNDAMPED_LIMITS = (  # h*w0 = y > 0 with |R(iy)| = 1
+    (SolverMethod.ExplicitRungeKutta4, "2.82842712474619010", "2*sqrt(2)"),
+    (SolverMethod.TaylorSeries, "3.32481311853851442", "by mpmath, R of degree 16"),
+)
+ASYMPTOTIC = (  # |R(z)| where the drag is so strong that a step is far beyond the time of its decay
+    (SolverMethod.ImplicitEuler, 0.0),
+    (SolverMethod.ImplicitTrapezoid, 1.0),
+    (SolverMethod.TRBDF2, 0.0),
+    (SolverMethod.SDIRK4, 0.0),
+)
+UNLIMITED = tuple(method for method in SolverMethod if METHODS[method.name].stable)
 RESOLUTION = 1e-10  # relative, of a bisection
 EPS = 2.0**-52  # the spacing of doubles at 1
 WARNED = re.compile(r"stability limit of \w+ for this pendulum is ([-+.\de]+) s")
@@ -99,10 +109,11 @@ class LimitScene(Scene):
             )
             rows.append((f"{k2:g}", f"{measured:.10g}", f"{warned:.6g}", f"{theory:.10g}"))
         if self.method is SolverMethod.ExplicitRungeKutta4:
+            *others, last = (method.name for method in UNLIMITED)
             yield Note(
-                f"Stability: the longest stable step of ExplicitRungeKutta4 is {rows[0][1]:.6} s with the default "
-                f"drag; with strong drag it is {float(rows[-1][1]) * DAMPING_RATES[-1]:.5g}*m/gamma. The FMU warns "
-                "of longer ones. ImplicitEuler has no limit.",
+                f"Stability: ExplicitRungeKutta4 is stable up to h = {rows[0][1]:.6} s with the default drag and "
+                f"{float(rows[-1][1]) * DAMPING_RATES[-1]:.5g}*m/gamma with strong drag, and the FMU warns of longer "
+                f"steps; {', '.join(others)} and {last} have no limit.",
                 headline=True,
             )
         yield Table(
@@ -229,42 +240,6 @@ def _per_period(matrix: Array, z: float) -> tuple[float, float]:
         return float(growth), float(angle / z - 1)
 
 
-@dataclass(frozen=True)
-class DriftScene(Scene):
-    """Energy drift per period of large undamped swings; `h` [s] is rounded so that it divides the period."""
-
-    TITLE = "energy drift of {0.method.name}"
-
-    method: SolverMethod
-    h: float
-    next_term: Callable[[float], float]
-
-    def run(self, fmu: Fmu) -> Iterator[Result]:
-        """Yield the rows."""
-        method = METHODS[self.method.name]
-        for angle in (30, 90, 150):
-            amplitude = radians(angle)
-            T = references.period(amplitude, W02)
-            n = round(T / self.h)
-            h = T / n
-            start = {
-                "gamma": 0.0,
-                "phi_start": amplitude,
-                "solver.method": self.method,
-                "solver.stepSize": h,
-            }
-            energy = fmu.run(Experiment(T, T, start, record=("E",)))["E"]
-            # The trapezoidal rule over a whole period converges exponentially.
-            orbit = references.libration(np.arange(400) * T / 400, amplitude, W02)
-            predicted = T * method.energy_drift(h, orbit, W02)
-            yield Check(
-                f"energy drift per period of {self.method.name} at {angle} deg",
-                abs((energy[-1] - energy[0]) / predicted - 1),
-                self.next_term(h * W0),
-                f"{predicted / energy[0]:.4e} of E in theory; the next term bounds it, h*w0 = {h * W0:.3g}",
-            )
-
-
 # The one-step map
 
 
@@ -312,268 +287,119 @@ def largest_stable_step(radius: Callable[[float], float], k2: float) -> float:
     return stable
 
 
-# Traps
-
-
-def settled(fmu: Fmu, start: dict[str, float], time: float) -> dict[str, float]:
-    """Return `start` with the state after `time` [s], reached in one communication step."""
-    run = fmu.run(Experiment(time, time, start, record=("phi", "w")))
-    return start | {"phi_start": float(run["phi"][-1]), "w_start": float(run["w"][-1])}
-
-
-def _limit_cycle(fmu: Fmu) -> Iterator[Result]:
-    """Show that ExplicitEuler beyond its limit neither diverges nor settles: it swings for ever."""
-    k2 = 0.02
-    for angle in (60, 90, 120):
-        t = np.arange(400) / 400
-        amplitude = radians(angle)
-        q, p = references.libration(t * references.period(amplitude, W02), amplitude, W02)
-        ratio = float(W02 * np.mean(p**2) / np.mean((W02 * np.sin(q)) ** 2))
-        h = ratio * k2 / W02
-        start = {
-            "gamma": k2,
-            "phi_start": amplitude / 2,
-            "solver.method": SolverMethod.ExplicitEuler,
-            "solver.stepSize": h,
-        }
-        # The amplitude settles at a rate of at least a tenth of k2, so this leaves e^-10.
-        swing = fmu.run(Experiment(4.0, h, settled(fmu, start, 100 / k2), record=("phi", "w")))
-        yield Check(
-            f"spurious limit cycle of ExplicitEuler at {angle} deg",
-            abs(largest(np.abs(swing["phi"])) / amplitude - 1),
-            2 * (h * W0) ** 2,
-            f"h*w02/k2 = {ratio:.5f} by the balance of energy; the next term in h is reversible and takes no energy, "
-            "the one after it is a relative (h*w0)^2; samples miss the peak by (h*w0)^2/8",
-        )
-    slow = fmu.run(Experiment(1200.0, 2.0, start, record=("E",)))
-    swing_of = np.degrees(2 * np.arcsin(np.sqrt(slow["E"] / (2 * W02))))
-    yield Plot(
-        f"Trap: ExplicitEuler with h = {h * 1e3:.3g} ms and k2 = 0.02/s never comes to rest",
-        "t [s]",
-        "amplitude [deg]",
-        [
-            Curve("FMU, ExplicitEuler", slow.t, swing_of),
-            Curve("limit cycle in theory", slow.t[[0, -1]], [angle, angle], "--"),
-            Curve("exact, about", slow.t, np.degrees(amplitude / 2) * np.exp(-k2 / 2 * slow.t), ":"),
-        ],
-        note=f"At {angle} deg the drag takes out as much as the method puts in. The true pendulum comes to rest.",
-    )
-
-
-def _permanent_spin(fmu: Fmu) -> Iterator[Result]:
-    """Show that ExplicitEuler turns a small swing into a spin for ever, at a rate that looks plausible."""
-    for h in (1e-3, 1e-2):
-        expected = W02 * sqrt(h / (2 * 0.002))
-        start = {"phi_start": 1e-3, "solver.method": SolverMethod.ExplicitEuler, "solver.stepSize": h}
-        # The small swing grows at w02*h - k2 over two, the spin then settles at k2.
-        turning = settled(fmu, start, 9000.0)
-        w = fmu.run(Experiment(50.0, 0.01, turning, record=("w",)))["w"]
-        yield Check(
-            f"permanent spin of ExplicitEuler at h = {h:g} s",
-            abs(float(np.sqrt(np.mean(w**2))) / expected - 1),
-            (W02 / expected**2) ** 2,
-            f"{expected:.4f} rad/s in theory; gravity modulates the rate by w02/Omega^2, which enters squared",
-        )
-    run = fmu.run(Experiment(2000.0, 1.0, start, record=("w",)))
-    yield Plot(
-        "Trap: ExplicitEuler with h = 10 ms and the default drag spins for ever",
-        "t [s]",
-        "w [rad/s]",
-        [
-            Curve("FMU", run.t, run["w"]),
-            Curve(
-                "w02*sqrt(h/(2*k2)), either way", run.t[[0, -1]], [np.sign(run["w"][-1]) * expected] * 2, "--"
-            ),
-        ],
-        note="It started at rest, 0.06 deg from the lowest point. Nothing fails, and the rate looks plausible.",
-    )
-
-
-def _escape(fmu: Fmu) -> Iterator[Result]:
-    """Show that RK4 throws a large swing over the top at half of the linear limit."""
-    curves = []
-    for h, escapes in ((0.43, False), (0.46, True)):
-        start = {"gamma": 0.0, "phi_start": radians(170), "solver.stepSize": h}
-        run = fmu.run(Experiment(3000 * h, 5 * h, start))
-        yield Check(
-            f"RK4 from 170 deg at h = {h:g} s {'leaves' if escapes else 'stays in'} the well",
-            largest(np.abs(run["phi"])),
-            pi,
-            "escape begins at h = 0.4419 s, bisected in independent arithmetic; the linear limit is 0.9032 s",
-            "rad",
-            at_least=escapes,
-        )
-        shown = fmu.run(Experiment(60 * h, h, start))
-        curves.append(Curve(f"h = {h:g} s", shown.t, shown["phi"], "-", "."))
-    yield Plot(
-        "Trap: RK4 leaves the well at half of the linear limit",
-        "t [s]",
-        "phi [rad]",
-        curves,
-        note="Both steps are stable for small swings; from 170 deg the longer one goes over the top in its first "
-        "swing.",
-    )
-
-
-def _stiff_amplitude(fmu: Fmu) -> Iterator[Result]:
-    """Show that the linear limit is not safe above 90 deg, where gravity pushes the fast eigenvalue out."""
-    k2 = 50.0
-    safe = 2.7852935634052816 / ((k2 + sqrt(k2 * k2 + 4 * W02)) / 2)
-    for angle, h, diverges in ((30, 0.0559, False), (170, 0.0559, True), (170, 0.999 * safe, False)):
-        start = {"gamma": k2, "phi_start": radians(angle), "solver.stepSize": h}
-        w = fmu.run(Experiment(400 * h, 4 * h, start, record=("w",)))["w"]
-        # Below the limit the rate never exceeds that of the overdamped fall, w02/k2.
-        yield Check(
-            f"RK4 with k2 = 50/s from {angle} deg at h = {h:.5g} s {'is lost' if diverges else 'is stable'}",
-            largest(np.abs(w)),
-            10 * W02 / k2 if diverges else W02 / k2,
-            f"linear limit 0.05593 s, limit at the top {safe:.5g} s; the fall is never faster than w02/k2",
-            "rad/s",
-            at_least=diverges,
-        )
-
-
-def _several_roots(fmu: Fmu) -> Iterator[Result]:
-    """Show that long steps of backward Euler have several roots, and that the FMU divides them until there is one."""
-    for h, expected in ((1.0, 7), (2.0, 25)):
-        s, c = h * h * W02, 2.0 + h * 1.3
-        x = np.linspace(c - s - 1, c + s + 1, 2_000_001)
-        roots = int(np.sum(np.diff(np.sign(x + s * np.sin(x) - c)) != 0))
-        yield formula(
-            f"roots of one step of backward Euler at h = {h:g} s beyond the known {expected}",
-            abs(roots - expected),
-            0,
-            f"x + s*sin(x) = c with s = {s:.4g}, c = {c:.4g} has {expected} roots",
-        )
-    single = 1 / W0  # s = h^2*w02 < 1 without drag
-    for h, phi0, grows in ((0.6, 2.0, 1.0), (2.0, 2.0, 1.0), (0.65, pi - 1e-3, 1e3), (1.0, pi - 1e-3, 1e3)):
-        start = {
-            "gamma": 0.0,
-            "phi_start": phi0,
-            "solver.method": SolverMethod.ImplicitEuler,
-            "solver.stepSize": h,
-        }
-        n = round(12 / h)
-        run = fmu.run(Experiment(n * h, h, start, record=("phi", "w")))
-        divided = h / ceil(h / single)
-        exact = discrete.motion(SolverMethod.ImplicitEuler.name, run.t.tolist(), phi0, 0.0, 0.0, W02, divided)
-        yield Check(
-            f"ImplicitEuler from {phi0:.6g} rad divides solver.stepSize = {h:g} s",
-            state_error(run["phi"], run["w"], exact),
-            walk(n * h / divided) * pi * grows,
-            f"against its discrete motion with steps of {divided:.4g} s, below 1/w0 = {single:.4g} s, where x + "
-            f"s*sin(x) = c has one root; a rounding grows {grows:g}-fold at most, from 1e-3 rad beside the top or not "
-            "at all",
-            "rad",
-        )
-    yield Plot(
-        "Trap: undivided steps of backward Euler would stay upright",
-        "t [s]",
-        "phi [rad]",
-        [
-            Curve("FMU, ImplicitEuler, solver.stepSize = 1 s", run.t, run["phi"], "", "o"),
-            Curve("its discrete motion, h = 0.25 s", run.t, exact[0]),
-        ],
-        note="Steps above 0.639 s make the upright position stable; the FMU divides them, and falls. The method then "
-        "takes the energy out.",
-    )
+# Single steps
 
 
 @dataclass(frozen=True)
-class UnlimitedScene(Scene):
-    """A method that no step makes unstable."""
+class RadiusScene(Scene):
+    """One step of small motions against |R(h*lambda)|, R from the tableau, within and beyond the limits."""
 
-    TITLE = "{0.method.name} has no limit"
+    TITLE = "stability function of {0.method.name}"
 
     method: SolverMethod
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
-        """Yield the radius from short to very long steps."""
-        method = METHODS[self.method.name]
-        weight = sum(abs(b) for b in method.tableau.b) if method.tableau else 1.0
-        radii = [
-            (measured_radius(fmu, self.method, k2, h), linear_radius(method, k2, W02, h))
-            for k2 in (0.0, *DAMPING_RATES)
-            for h in (1e-3, 0.3)
-        ]
+        """Yield the largest difference over a grid of damping rates and steps."""
+        known = METHODS[self.method.name]
+        reach = 5.0
+        if known.tableau is not None and known.stable:
+            reach = (
+                0.9 / known.tableau.A[-1][-1]
+            )  # longer substeps are divided: a stage must have a single root
+        weight = sum(abs(b) for b in known.tableau.b) if known.tableau else reach**5 / factorial(5)
+        differences = []
+        for k2 in (0.0, *DAMPING_RATES):
+            parted = min(1.0, sqrt(abs(k2 * k2 / 4 - W02)) / max(W0, k2))  # how far the eigenvalues are
+            for share in (0.02, 0.1, 0.3, 0.6, 1.0):
+                h = share * reach / max(W0, k2)
+                expected = linear_radius(known, k2, W02, h)
+                difference = abs(measured_radius(fmu, self.method, k2, h) - expected)
+                differences.append(difference * parted / max(1.0, expected))
         yield Check(
-            f"spectral radius of {self.method.name}",
-            largest(abs(measured - exact) for measured, exact in radii),
-            8 * EPS * weight,
-            "|R| with steps of 1 ms and 0.3 s, damping up to 1e6/s; roundings of a map below 1, times the sum of "
-            "abs(b)",
+            f"spectral radius of a step of {self.method.name}, {len(differences)} steps and damping rates",
+            largest(differences),
+            16 * EPS * weight,
+            "|R(h*lambda)|; sixteen roundings of the map, times the sum of abs(b) or the largest term of the series; "
+            "differences are times that of the eigenvalues, which magnifies them",
         )
 
 
-# Orbits and energies
+def _undamped_limits(fmu: Fmu) -> Iterator[Result]:
+    """Show that single steps without drag begin to grow where R(i*h*w0) leaves the unit circle."""
+    for method, digits, where in UNDAMPED_LIMITS:
+        limit = float(digits) / W0
+        inside, beyond = (measured_radius(fmu, method, 0.0, limit * (1 + x)) for x in (-1e-3, 1e-3))
+        yield Check(
+            f"largest stable step of {method.name} without drag",
+            float(inside <= 1 + 4 * EPS) + float(beyond > 1 + 4 * EPS),
+            2,
+            f"h*w0 = {digits}, {where}; a relative 1e-3 below it a step does not grow, above it it does",
+            at_least=True,
+        )
 
 
-ORBITS = (  # method, h [s]: steps at which the errors show
-    (SolverMethod.ExplicitEuler, 0.01),
-    (SolverMethod.ImplicitEuler, 0.01),
-    (SolverMethod.ExplicitMidPoint2, 0.1),
-    (SolverMethod.ExplicitRungeKutta4, 0.2),
-)
+def _at_infinity(fmu: Fmu) -> Iterator[Result]:
+    """Show what is left of a fast decay after one step far longer than it."""
+    k2, h = 1e9, 1.0
+    for method, expected in ASYMPTOTIC:
+        start = {"gamma": k2, "phi_start": 0.0, "w_start": 1.0, "g": 0.0}
+        start |= {"solver.method": method, "solver.stepSize": h}
+        rate = float(fmu.run(Experiment(h, h, start, record=("w",)))["w"][-1])
+        yield Check(
+            f"{method.name} after a step of 1e9 decay times",
+            abs(abs(rate) - expected),
+            20 / (k2 * h),
+            f"|R(-inf)| = {expected:g}, reached to within |R(z)| - |R(-inf)| = O(1/|z|), z = -1e9",
+        )
 
 
-def _orbits(fmu: Fmu) -> Iterator[Result]:
-    """Draw what the methods do to an undamped swing from 90 deg."""
-    amplitude, stop = radians(90), 20.0
-    T = references.period(amplitude, W02)
-    exact = references.libration(np.linspace(0, T, 201), amplitude, W02)
-    top = np.linspace(-pi, pi, 201)
-    separatrix = 2 * W0 * np.cos(top / 2)
-    orbits = [
-        Curve("exact", np.degrees(exact[0]), exact[1]),
-        Curve("separatrix", np.degrees(np.append(top, top[::-1])), np.append(separatrix, -separatrix), ":"),
-    ]
-    energies, errors = [], []
-    for method, h in ORBITS:
-        start = {"gamma": 0.0, "phi_start": amplitude, "solver.method": method, "solver.stepSize": h}
-        run = fmu.run(Experiment(stop, h, start, record=("phi", "w", "E")))
-        shown = run.t <= 4 * T
-        label = f"{method.name}, h = {1e3 * h:g} ms"
-        line = "-" if h < 0.05 else ""
-        orbits.append(Curve(label, np.degrees(run["phi"][shown]), run["w"][shown], line, "." * (not line)))
-        energies.append(Curve(label, run.t, run["E"] / run["E"][0]))
-        error = np.abs(run["phi"] - references.libration(run.t, amplitude, W02)[0])
-        errors.append(Curve(label, run.t[1:], error[1:]))
+@cache
+def unit_curve(name: str, window: float) -> NDArray[np.complex128]:
+    """Return z with |R(z)| = 1 from z = 0 on, R(z) = exp(i*theta), as far as it lies in |z| < `window`."""
+    R = METHODS[name].stability
+    step = 0.02
+    points = []
+    for direction in (1, -1):
+        z, theta = 0j, 0.0
+        while abs(z) < window and theta < 2 * pi * METHODS[name].order:
+            theta += step
+            for _ in range(20):
+                slope = (R(z + 1e-6) - R(z - 1e-6)) / 2e-6
+                correction = (R(z) - np.exp(1j * direction * theta)) / slope
+                z -= correction
+                if abs(correction) < 1e-12:
+                    break
+            points.append(z)
+            if theta > pi and abs(z) < step:  # around
+                break
+        points = points[::-1]
+    return np.array(points)
+
+
+def _regions(_: Fmu) -> Iterator[Result]:
+    """Draw where |R(z)| = 1."""
+    curves = []
+    for method in SolverMethod:
+        z = unit_curve(method.name, 12.0)
+        curves.append(Curve(method.name, z.real, z.imag))
     yield Plot(
-        "Phase portrait of the methods, undamped, from 90 deg",
-        "phi [deg]",
-        "w [rad/s]",
-        orbits,
-        note="Four periods. ExplicitEuler spirals out towards the separatrix, ImplicitEuler in; the methods of "
-        "higher order stay close to the exact orbit, with steps ten and twenty times as long.",
-    )
-    yield Plot(
-        "Energy against time by method, undamped, from 90 deg",
-        "t [s]",
-        "E/E(0)",
-        energies,
-        note="The exact energy is 1. Below: error of the angle against the elliptic solution.",
-        below=errors,
-        below_label="|error| [rad]",
-        below_logarithmic="y",
+        "|R(z)| = 1 in the plane of z = h*lambda",
+        "Re(h*lambda)",
+        "Im(h*lambda)",
+        curves,
+        note="The explicit methods are stable inside their curves, the implicit ones outside, on all of the left side.",
     )
 
 
 SCENES = (
     *(LimitScene(method, limits) for method, limits in LIMITS.items()),
-    *(UnlimitedScene(method) for method in SolverMethod if METHODS[method.name].stable),
+    Case("largest stable steps without drag", _undamped_limits),
+    *(RadiusScene(method) for method in SolverMethod),
+    Case("fast decay", _at_infinity),
+    Case("stability regions", _regions),
     *(MapScene(method) for method in LIMITS),
     GrowthScene(SolverMethod.ExplicitEuler, (pi, 1), (-1 / 3, 2)),
     GrowthScene(SolverMethod.ImplicitEuler, (-pi, 1), (-1 / 3, 2)),
     GrowthScene(SolverMethod.ExplicitMidPoint2, (pi / 4, 3), (1 / 6, 2)),
     GrowthScene(SolverMethod.ExplicitRungeKutta4, (-pi / 72, 5), (-1 / 120, 4)),
-    DriftScene(SolverMethod.ExplicitEuler, 1e-4, lambda z: pi * z),
-    DriftScene(SolverMethod.ImplicitEuler, 1e-4, lambda z: pi * z),
-    DriftScene(SolverMethod.ExplicitMidPoint2, 5e-3, lambda z: z * z),
-    DriftScene(SolverMethod.ExplicitRungeKutta4, 0.02, lambda z: z * z),
-    Case("orbits and energies", _orbits),
-    Case("spurious limit cycle", _limit_cycle),
-    Case("permanent spin", _permanent_spin),
-    Case("escape from the well", _escape),
-    Case("stiff drag at large angles", _stiff_amplitude),
-    Case("several roots", _several_roots),
 )
