@@ -172,7 +172,7 @@ def test_an_unstable_step_size_is_a_warning(instance: Instance) -> None:
         Log(
             WARNING,
             "logStatusWarning",
-            "solver.stepSize = 0.001 s is unstable: ExplicitEuler has no stable step size for this pendulum "
+            "pendulum: solver.stepSize = 0.001 s is unstable: ExplicitEuler has no stable step size for this pendulum "
             "(stability limit 0 s): use ExplicitRungeKutta4 or ImplicitEuler",
         )
     ]
