@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import inf, isfinite, sqrt
 from typing import NoReturn
 
 from .inline import inlined
@@ -29,6 +29,7 @@ class Integration:
         self, method: SolverMethod, step_size: float, motion: Motion, system: str, drive: str
     ) -> None:
         self.method, self.system, self.drive = method, system, drive
+        self._free = motion
         self.limit = stability_limit(method, motion.damping_rate, motion.w02)
         diagonal = METHODS[method].diagonal
         self._longest = motion.longest_implicit_stage() / diagonal if diagonal else inf
@@ -86,19 +87,36 @@ class Integration:
 
     def _advice(self, h: float) -> str:
         """Say what to do about substeps of `h` [s] that went wrong or will."""
-        method = self.method.name
-        if self.limit == 0.0:
-            return (
-                f"{method} has no stable step size for this {self.system} (stability limit 0 s): "
-                "use ExplicitRungeKutta4 or ImplicitEuler"
-            )
+        method, limit = self.method.name, f"{self.limit:.6g} s"
+        mend = f"check the {self.drive} and the start values, or use a smaller solver.stepSize"
+        if self.limit == inf:
+            return f"{method} is stable at every step size for small swings of this {self.system}: {mend}"
         if h <= self.limit:
-            return (
-                f"{h!r} s is within the stability limit of {method} for this {self.system} "
-                f"({self.limit:.6g} s): check the {self.drive} and the start values"
-            )
-        stable = 0.9999 * self.limit  # stays below the limit when it is rounded to five digits
+            within = f"{h!r} s is within the stability limit of {method}"
+            return f"{within} for small swings of this {self.system} ({limit}): {mend}"
+        better = self._better_method()
+        if self.limit == 0.0:
+            return f"{method} has no stable step size for this {self.system}: use {better}"
         return (
-            f"the stability limit of {method} for this {self.system} is {self.limit:.6g} s: "
-            f"use solver.stepSize = {stable:.5g} s or less, or ImplicitEuler"
+            f"the stability limit of {method} for this {self.system} is {limit}: "
+            f"use {_stable_step(self.limit)}{better and f', or {better}'}"
         )
+
+    def _better_method(self) -> str:
+        """Return the setting of a method that allows longer substeps, "" where none is as accurate."""
+        damping_rate, w02 = self._free.damping_rate, self._free.w02
+        if damping_rate >= 2.0 * sqrt(abs(w02)):
+            l_stable = (SolverMethod.TRBDF2, SolverMethod.SDIRK4)
+            return "solver.method = " + " or ".join(f"{method.value} ({method.name})" for method in l_stable)
+        rk4 = SolverMethod.ExplicitRungeKutta4
+        limit = stability_limit(rk4, damping_rate, w02)
+        return (
+            f"solver.method = {rk4.value} ({rk4.name}) with {_stable_step(limit)}"
+            if limit > self.limit
+            else ""
+        )
+
+
+def _stable_step(limit: float) -> str:
+    """Return the setting of a step size that stays below `limit` [s] when it is rounded to five digits."""
+    return f"solver.stepSize = {0.9999 * limit:.5g} s or less"
