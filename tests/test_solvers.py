@@ -1,6 +1,6 @@
 from collections.abc import Callable
 from fractions import Fraction
-from math import cos, inf, isinf, sin, sqrt, ulp
+from math import cos, inf, isinf, nextafter, sin, sqrt, ulp
 from sys import float_info
 
 import pytest
@@ -376,6 +376,12 @@ def test_the_length_of_a_substep_is_limited_by_its_roots_in_the_implicit_methods
 )
 def test_number_of_substeps(time: float, duration: float, max_step: float, n: int) -> None:
     assert substeps(time, duration, max_step) == n
+
+
+def test_the_noise_of_a_clock_is_not_forgiven_beyond_the_longest_substep() -> None:
+    duration = 0.1 + 5e-7  # at 1e9 s the noise is 4*eps*1e9 = 8.9e-7 s
+    for longest, expected in ((inf, 1), (duration, 1), (nextafter(duration, 0.0), 2)):
+        assert substeps(1e9, duration, 0.1, longest) == expected
 
 
 @pytest.mark.parametrize("time", [0.0, 0.1, -3.0, 1e6, -1e6, 1e9])

@@ -32,8 +32,10 @@ class Integration:
         self._free = motion
         self.limit = stability_limit(method, motion.damping_rate, motion.w02)
         diagonal = METHODS[method].diagonal
-        self._longest = motion.longest_implicit_stage() / diagonal if diagonal else inf
-        self.max_step = min(step_size, self._longest)
+        longest = motion.longest_implicit_stage() / diagonal if diagonal else inf
+        self.max_step = min(step_size, longest)
+        # The noise of a clock may take an implicit stage to half of the margin of its length.
+        self._longest = longest * (1.0 + 5e-10)
         self._motion: Motion
         self._solve: Solver
 
@@ -49,9 +51,7 @@ class Integration:
 
     def substeps(self, time: float, duration: float) -> int:
         """Return the number of substeps of a step from `time` over `duration` [s]; see `solvers.substeps`."""
-        n = substeps(time, duration, self.max_step)
-        # What the noise of the clock adds may not take an implicit stage beyond half of the margin of its length.
-        return n + 1 if duration / n > self._longest * (1.0 + 5e-10) else n
+        return substeps(time, duration, self.max_step, self._longest)
 
     def advance(self, phi: float, w: float, time: float, duration: float) -> tuple[float, float, int]:
         """Return the state after a step from `time` over `duration` [s], and its evaluations.

@@ -348,12 +348,13 @@ static double clock_noise(double time, double duration) {
     return 4.0 * DBL_EPSILON * (fabs(time) + duration);
 }
 
-/* Number of equal substeps, none longer than max_step [s] but for that noise, up to a tenth of max_step; a whole number
- * up to MAX_SUBSTEPS. */
-static double substeps(double time, double duration, double max_step) {
+/* Number of equal substeps, none longer than max_step [s] but for that noise, up to a tenth of max_step, and none longer
+ * than `longest` [s] >= max_step; a whole number up to MAX_SUBSTEPS. */
+static double substeps(double time, double duration, double max_step, double longest) {
     const double n = (duration - fmin(clock_noise(time, duration), max_step / 10.0)) / max_step;
     if (n > MAX_SUBSTEPS) return n;
-    return n > 1.0 ? ceil(n) : 1.0;
+    const double fewest = n > 1.0 ? ceil(n) : 1.0;
+    return duration / fewest <= longest ? fewest : fewest + 1.0;
 }
 
 /* Write why there are no substeps for a step, and return whether that is so. */
@@ -388,10 +389,9 @@ static void report_divergence(const Motion *p, double x, double v, double time, 
 
 static bool advance(const Motion *p, double time, double duration, double max_step, double *x, double *v, int64_t *nfev,
                     Text *text) {
-    double n = substeps(time, duration, max_step);
+    /* The noise of a clock may take an implicit stage to half of the margin of its length. */
+    const double n = substeps(time, duration, max_step, longest_of_stages(p) * (1.0 + 5e-10));
     if (has_no_substeps(time, duration, max_step, n, text)) return false;
-    /* What the noise of the clock adds may not take an implicit stage beyond half of the margin of its length. */
-    if (duration / n > longest_of_stages(p) * (1.0 + 5e-10)) n += 1.0;
     const double h = duration / n;
     double x_then = *x;
     double v_then = *v;
