@@ -81,7 +81,7 @@ def test_the_undamped_hardening_spring_has_the_period_of_the_elliptic_integral(f
 def test_without_hardening_a_motion_of_any_size_is_the_same_but_for_its_size(
     fmu: Fmu, method: SolverMethod
 ) -> None:
-    """The equation is linear then, and a power of two changes no rounding: also where x^3 leaves the range of a double."""
+    """The equation is linear then, and a power of two changes no rounding: also where x^3 is no double."""
     ends = []
     for size in (1.0, 2.0**500):
         start = {"k3": 0.0, "x_start": size, "v_start": -0.5 * size, "solver.method": method}

@@ -10,6 +10,7 @@ from mpmath import mp, mpc, mpf
 
 from damped_pendulum.model import Motion, Pendulum, solve_kepler
 from methods.implicit import MAX_EVALUATIONS, newton_stage
+from methods.integration import BLOCK
 from methods.solvers import (
     MAX_SUBSTEPS,
     METHODS,
@@ -429,3 +430,13 @@ def test_evaluations_are_counted(method: SolverMethod) -> None:
         assert nfev == 7 * METHODS[method].order
     else:
         assert nfev == calls == 7 * (METHODS[method].stages or 0)
+
+
+@pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)
+@pytest.mark.parametrize("more", [0, 1, BLOCK, BLOCK + 7])
+def test_many_substeps_give_the_bits_of_one_loop(method: SolverMethod, more: int) -> None:
+    n, h, pendulum = BLOCK + more, 2.0**-10, Pendulum(1.0, 1.0, 0.5, 0.0)
+    steps = integration(method, h, pendulum)
+    steps.hold(pendulum.motion(0.25))
+    expected = METHODS[method].solver(pendulum.motion(0.25), 0.5, 1.0, h, n)
+    assert steps.advance(0.5, 1.0, 0.0, n * h) == expected

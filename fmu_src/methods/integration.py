@@ -7,7 +7,11 @@ from typing import NoReturn
 
 from .inline import inlined
 from .motion import Motion, Solver
-from .solvers import METHODS, SolverMethod, stability_limit, substeps
+from .solvers import MAX_SUBSTEPS, METHODS, SolverMethod, stability_limit, substeps
+
+BLOCK = (
+    2**16
+)  # substeps of an explicit method between two looks at the state, which cost as much as a few of them
 
 
 class Integration:
@@ -36,6 +40,8 @@ class Integration:
         self.max_step = min(step_size, longest)
         # The noise of a clock may take an implicit stage to half of the margin of its length.
         self._longest = longest * (1.0 + 5e-10)
+        # The implicit methods look at the state themselves, and a second call would evaluate their first stage anew.
+        self._block = MAX_SUBSTEPS if diagonal else BLOCK
         self._motion: Motion
         self._solve: Solver
 
@@ -63,13 +69,26 @@ class Integration:
         n = self.substeps(time, duration)
         h = duration / n
         try:
-            phi_then, w_then, nfev = self._solve(self._motion, phi, w, h, n)
+            solve = self._solve if n <= self._block else self._solve_in_blocks
+            phi_then, w_then, nfev = solve(self._motion, phi, w, h, n)
         except ValueError:  # math.sin(inf)
             self._report_divergence(phi, w, time, h, n)
         if not (isfinite(phi_then) and isfinite(w_then)):
             self._report_divergence(phi, w, time, h, n)
         # The sign of a zero depends on the terms that are left out: -0.0 becomes 0.0.
         return phi_then + 0.0, w_then + 0.0, nfev
+
+    def _solve_in_blocks(
+        self, motion: Motion, phi: float, w: float, h: float, n: int
+    ) -> tuple[float, float, int]:
+        """Do what the method does, but end with the block in which the state leaves the range of a double."""
+        nfev = 0
+        for first in range(0, n, self._block):
+            phi, w, more = self._solve(motion, phi, w, h, min(self._block, n - first))
+            nfev += more
+            if not (isfinite(phi) and isfinite(w)):
+                break
+        return phi, w, nfev
 
     def _report_divergence(self, phi: float, w: float, time: float, h: float, n: int) -> NoReturn:
         """Raise with the substep that left the range of a double, found by taking the `n` one by one."""

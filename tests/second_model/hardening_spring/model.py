@@ -54,7 +54,7 @@ class Motion(NamedTuple):
         return inf  # the force rises with x
 
     def taylor_step(self, h: float, order: int) -> TaylorStep:
-        """Return x and v after `h` [s] as a function of them: x^3 is a product of series, begun with k3, which may be 0 where x^3 is inf."""
+        """Return x and v after `h` [s] as a function of them; k3*x^3 is a product of series."""
         drive, drag, spring, cubic = self.coefficients()
 
         def step(x: float, v: float) -> tuple[float, float]:
