@@ -223,7 +223,7 @@ class Instance:
         orders = integers(values)
         return self.call(
             "fmi2SetRealInputDerivatives",
-            self.references(*[self.fmu.plant.drive] * n),
+            self.references(*[self.fmu.plant.input] * n),
             n,
             orders,
             reals(values.values()),

@@ -148,9 +148,9 @@ def fmpy_interrupted_anywhere(path: Path, instances: str) -> float:
     def work(instance: Instance) -> None:
         plant = instance.fmu.plant
         while not interrupted:
-            instance.set(plant.drive, 0.1)
+            instance.set(plant.input, 0.1)
             instance.step(0.0, 0.01)
-            instance.set(plant.drive, 0.0)
+            instance.set(plant.input, 0.0)
             instance.step(0.0, 0.01)
             for name in (plant.x, plant.a, plant.energy):
                 instance.get_references("Real", [instance.fmu.reference[name]])
@@ -241,7 +241,7 @@ def ecos_unstable(path: Path) -> float:
 def ecos_errors(path: Path) -> float:
     """Errors in Ecos, which takes no notice of them and goes on with the state before."""
     plant = plant_of(read_model_description(str(path)))
-    starts: list[dict[str, float]] = [{plant.mass: -1.0}, {plant.drive: nan}, {plant.drag: 1e5}]
+    starts: list[dict[str, float]] = [{plant.mass: -1.0}, {plant.input: nan}, {plant.drag: 1e5}]
     for k in range(TIMES):
         ecos_run(path, starts[k % 3], steps=10)
         collect()

@@ -125,7 +125,7 @@ def test_a_drive_too_large_for_a_double_is_an_error(fmu: Fmu, method: SolverMeth
     start = {
         plant.mass: 1e-12,
         plant.drag: 0.0,
-        plant.drive: 1e300,
+        plant.input: 1e300,
         "solver.method": method,
         "solver.stepSize": 1e-4,
     }
@@ -146,7 +146,7 @@ def test_a_rate_that_overflows_in_the_last_substep_is_an_error(fmu: Fmu) -> None
     plant = fmu.plant
     start = {
         plant.drag: 0.0,
-        plant.drive: 1e308,
+        plant.input: 1e308,
         "solver.method": SolverMethod.ExplicitEuler,
         "solver.stepSize": 10.0,
     }
@@ -161,7 +161,7 @@ def test_within_the_stability_limit_the_error_points_to_drive_and_start(fmu: Fmu
     with fmu.running(start | plant.pull(1e-6)) as instance:
         assert is_error(instance.step(0.0, 10.0))
         assert "is within the stability limit" in instance.errors[0]
-        assert f"check the {plant.effort} and the start values, or use a smaller" in instance.errors[0]
+        assert f"check the {plant.quantity} and the start values, or use a smaller" in instance.errors[0]
 
 
 positive = st.floats(-12.0, 12.0).map(lambda exponent: 10.0**exponent)
@@ -180,7 +180,7 @@ def any_start(draw: st.DrawFn, plant: Plant) -> dict[str, float]:
         if parameter.name in plant.slave.model._fields
     }
     start[plant.v_start] = draw(st.floats(-1e160, 1e160))
-    start[plant.drive] = draw(st.just(0.0) | st.floats(allow_nan=False, allow_infinity=False))
+    start[plant.input] = draw(st.just(0.0) | st.floats(allow_nan=False, allow_infinity=False))
     return start
 
 

@@ -22,7 +22,7 @@ class Integration:
     method : the method
     step_size : upper bound of the substeps [s], > 0
     motion : the motion without drive, which knows the rates that limit the substeps
-    system, drive : what moves and what drives it, for messages
+    system, quantity : what moves and what the input is, for messages
 
     Attributes
     ----------
@@ -30,9 +30,9 @@ class Integration:
     """
 
     def __init__(
-        self, method: SolverMethod, step_size: float, motion: Motion, system: str, drive: str
+        self, method: SolverMethod, step_size: float, motion: Motion, system: str, quantity: str
     ) -> None:
-        self.method, self.system, self.drive = method, system, drive
+        self.method, self.system, self.quantity = method, system, quantity
         self._free = motion
         self.limit = stability_limit(method, motion.damping_rate, motion.w02)
         diagonal = METHODS[method].diagonal
@@ -107,7 +107,7 @@ class Integration:
     def _advice(self, h: float) -> str:
         """Say what to do about substeps of `h` [s] that went wrong or will."""
         method, limit = self.method.name, f"{self.limit:.6g} s"
-        mend = f"check the {self.drive} and the start values, or use a smaller solver.stepSize"
+        mend = f"check the {self.quantity} and the start values, or use a smaller solver.stepSize"
         if self.limit == inf:
             return f"{method} is stable at every step size for small swings of this {self.system}: {mend}"
         if h <= self.limit:

@@ -118,17 +118,16 @@ static inline double convolution(const double *first, const double *second, int 
     return product;
 }
 
-/* The polynomial of the drive about t, each term with its power of h. */
-static inline void drive_terms(const Motion *p, double t, double h, double terms[MAX_INPUT_ORDER + 1]) {
+static inline void drive_terms(const Motion *p, double t, double h, double drive[MAX_INPUT_ORDER + 1]) {
     for (int k = 0; k <= MAX_INPUT_ORDER; k++)
-        terms[k] = p->drive[k];
+        drive[k] = p->drive[k];
     for (int i = 0; i < p->order; i++)
         for (int k = p->order - 1; k >= i; k--)
-            terms[k] += t * terms[k + 1];
+            drive[k] += t * drive[k + 1];
     double power = 1.0;
     for (int k = 1; k <= p->order; k++) {
         power *= h;
-        terms[k] *= power;
+        drive[k] *= power;
     }
 }
 
@@ -329,7 +328,7 @@ static void append_advice(Text *text, const Motion *p, double h) {
                    MODEL.system);
             append(text, "(%s s): ", rounded(limit, 6).text);
         }
-        append(text, "check the %s and the start values, or use a smaller solver.stepSize", MODEL.cause);
+        append(text, "check the %s and the start values, or use a smaller solver.stepSize", MODEL.quantity);
     }
 }
 
@@ -348,8 +347,8 @@ static double clock_noise(double time, double duration) {
     return 4.0 * DBL_EPSILON * (fabs(time) + duration);
 }
 
-/* Number of equal substeps, none longer than max_step [s] but for that noise, up to a tenth of max_step, and none longer
- * than `longest` [s] >= max_step; a whole number up to MAX_SUBSTEPS. */
+/* Number of equal substeps, none longer than max_step [s] but for that noise, up to a tenth of max_step, and none
+ * longer than `longest` [s] >= max_step; a whole number up to MAX_SUBSTEPS. */
 static double substeps(double time, double duration, double max_step, double longest) {
     const double n = (duration - fmin(clock_noise(time, duration), max_step / 10.0)) / max_step;
     if (n > MAX_SUBSTEPS) return n;
