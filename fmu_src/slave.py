@@ -17,9 +17,9 @@ class DampedPendulum(SecondOrder):
         v="w",
         a="a",
         energy="E",
-        drive="tau",
+        input="tau",
         system="pendulum",
-        effort="torque",
+        quantity="torque",
         damping_time="m/gamma",
     )
 

@@ -56,7 +56,7 @@ class Fmu:
         self.type = {
             v.name: "Real" if v.type == "Real" else "Integer" for v in self.description.modelVariables
         }
-        # What the description declares is all in which the conduct of the carriers differs, and where errors are told.
+        # What the description declares is all in which the conduct of the carriers differs, and where they tell what.
         about = self.description.coSimulation
         self.name = about.modelIdentifier
         self.native = not about.needsExecutionTool
@@ -69,12 +69,12 @@ class Fmu:
             "fmi2GetRealOutputDerivatives": about.maxOutputDerivativeOrder > 0,
         }
 
-    def places_of_errors(self, logging: bool) -> tuple[bool, bool]:
-        """Return whether errors are told in the log and on stderr.
+    def places(self, logging: bool) -> tuple[bool, bool]:
+        """Return whether errors and warnings are told in the log and on stderr.
 
-        Without logging pythonfmu keeps its messages, so its FMU tells them on stderr, too.
+        Without logging pythonfmu drops its messages, so its FMU tells them on stderr.
         """
-        return (True, False) if self.native else (logging, True)
+        return (True, False) if self.native else (logging, not logging)
 
     @contextmanager
     def instance(self, name: str | None = None, *, logging: bool = True) -> Iterator[Instance]:
@@ -223,7 +223,7 @@ class Instance:
         orders = integers(values)
         return self.call(
             "fmi2SetRealInputDerivatives",
-            self.references(*[self.fmu.plant.drive] * n),
+            self.references(*[self.fmu.plant.input] * n),
             n,
             orders,
             reals(values.values()),

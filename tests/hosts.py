@@ -37,8 +37,8 @@ CLOCK = [0.01 * k for k in range(1001)]  # of the default experiment
 HANGING = 3600.0  # a process that is not through by then [s] hangs; the longest takes seconds
 
 
-def run_host(name: str, fmu: Path, *arguments: str) -> Any:
-    """Run a program of this module in a process of its own, which must survive, and return its result."""
+def process_of(name: str, fmu: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run a program of this module in a process of its own, which must survive."""
     # libtbb of the `tbb` package, which Ecos needs, lies in the lib folder of the environment.
     libraries = os.pathsep.join(filter(None, [f"{sys.prefix}/lib", os.environ.get("LD_LIBRARY_PATH")]))
     done = subprocess.run(
@@ -51,6 +51,12 @@ def run_host(name: str, fmu: Path, *arguments: str) -> Any:
         check=False,
     )
     assert done.returncode == 0, f"exit status {done.returncode}: {done.stderr[-2000:]}"
+    return done
+
+
+def run_host(name: str, fmu: Path, *arguments: str) -> Any:
+    """Run a program of this module in a process of its own, which must survive, and return its result."""
+    done = process_of(name, fmu, *arguments)
     word, result = done.stdout.split(maxsplit=1)
     assert word == "survived", done.stdout
     return literal_eval(result)
@@ -89,7 +95,7 @@ def fmpy_errors(path: Path, stderr: str = "open") -> float:
         read = [fmu.reference[name] for name in names]
         gc.freeze()  # what is imported need not be searched
         for _ in range(TIMES if stderr == "open" else 3):
-            with fmu.instance("other") as other:
+            with fmu.instance("other", logging=False) as other:  # writes to stderr
                 for fault in FAULTS.values():
                     with fmu.instance() as instance:
                         for _ in range(3):
@@ -142,9 +148,9 @@ def fmpy_interrupted_anywhere(path: Path, instances: str) -> float:
     def work(instance: Instance) -> None:
         plant = instance.fmu.plant
         while not interrupted:
-            instance.set(plant.drive, 0.1)
+            instance.set(plant.input, 0.1)
             instance.step(0.0, 0.01)
-            instance.set(plant.drive, 0.0)
+            instance.set(plant.input, 0.0)
             instance.step(0.0, 0.01)
             for name in (plant.x, plant.a, plant.energy):
                 instance.get_references("Real", [instance.fmu.reference[name]])
@@ -175,14 +181,14 @@ def fmpy_interrupted_anywhere(path: Path, instances: str) -> float:
         return x
 
 
-def libcosimpy_run(path: Path, start: dict[str, float] | None = None) -> float:
+def libcosimpy_run(path: Path, start: dict[str, float] | None = None, shown: str = "FATAL") -> float:
     """Run the default experiment in libcosimpy; return x, NaN if a step failed."""
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
     from libcosimpy.CosimObserver import CosimObserver
     from libcosimpy.CosimSlave import CosimLocalSlave
 
-    log_output_level(CosimLogLevel.FATAL)
+    log_output_level(CosimLogLevel[shown])
     plant = plant_of(read_model_description(str(path)))
     execution = CosimExecution.from_step_size(10_000_000)  # ns
     slave = execution.add_local_slave(CosimLocalSlave(str(path), plant.system))
@@ -219,10 +225,23 @@ def libcosimpy_errors(path: Path) -> float:
     return libcosimpy_run(path)
 
 
+def libcosimpy_unstable(path: Path) -> float:
+    """Run with a step size that is warned of, and let libcosimpy show warnings; return x."""
+    return libcosimpy_run(path, {"solver.stepSize": 1000.0}, "WARNING")
+
+
+def ecos_unstable(path: Path) -> float:
+    """Do the same in Ecos, which shows warnings of an FMU where it shows all that helps to debug."""
+    from ecospy import EcosLib
+
+    EcosLib.set_log_level("debug")
+    return ecos_run(path, {"solver.stepSize": 1000.0}, steps=10)
+
+
 def ecos_errors(path: Path) -> float:
     """Errors in Ecos, which takes no notice of them and goes on with the state before."""
     plant = plant_of(read_model_description(str(path)))
-    starts: list[dict[str, float]] = [{plant.mass: -1.0}, {plant.drive: nan}, {plant.drag: 1e5}]
+    starts: list[dict[str, float]] = [{plant.mass: -1.0}, {plant.input: nan}, {plant.drag: 1e5}]
     for k in range(TIMES):
         ecos_run(path, starts[k % 3], steps=10)
         collect()

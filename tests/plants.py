@@ -21,7 +21,7 @@ class Plant:
     mass, drag : der(v) has the term -drag/mass*v
     stiffness : the parameter that is proportional to the squared angular frequency of small swings, and equal to it
         while the others have their start values, but for those of `linear`
-    linear : parameters without which der(v) is 0 where drag, stiffness and drive are
+    linear : parameters without which der(v) is 0 where drag, stiffness and input are
     """
 
     def __init__(
@@ -31,8 +31,8 @@ class Plant:
         self.name = self.interface.model_name
         self.mass, self.drag, self.stiffness, self.linear = mass, drag, stiffness, linear
         names = slave.names
-        self.x, self.v, self.a, self.energy, self.drive = names[:5]
-        self.system, self.effort = names.system, names.effort
+        self.x, self.v, self.a, self.energy, self.input = names[:5]
+        self.system, self.quantity = names.system, names.quantity
         self.x_start, self.v_start = f"{names.x}_start", f"{names.v}_start"
         self.state = (self.x, self.v)
         self.calculated = (*self.state, self.a, self.energy, "solver.nfev")

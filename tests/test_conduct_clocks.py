@@ -111,7 +111,7 @@ def test_a_tiny_step_is_one_substep(fmu: Fmu, duration: float, start: float) -> 
 
 # The motion of the comparisons below: large swings, damped enough for explicit Euler to be stable.
 def scene(plant: Plant) -> dict[str, float]:
-    return {plant.drag: 0.5, plant.x_start: 1.0, plant.v_start: 0.5, plant.drive: 0.7}
+    return {plant.drag: 0.5, plant.x_start: 1.0, plant.v_start: 0.5, plant.input: 0.7}
 
 
 END = 3.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from itertools import count
-from math import inf, isfinite, nextafter
+from math import inf, isfinite, nextafter, sqrt
 
 import pytest
 from hypothesis import given
@@ -93,7 +93,7 @@ def test_an_unstable_run_ends_in_an_error_that_says_where_and_why(
     found = re.fullmatch(
         rf"{plant.system}: diverged at t = (\S+) s: substep (\d+) of (\S+) s with (\w+) left the range of a double; "
         rf"the stability limit of (\w+) for this {plant.system} is (\S+) s: "
-        r"use solver.stepSize = (\S+) s or less, or ImplicitEuler",
+        r"use solver.stepSize = (\S+) s or less, or solver.method = 6 \(TRBDF2\) or 7 \(SDIRK4\)",
         message,
     )
     assert found is not None, message
@@ -125,22 +125,28 @@ def test_a_drive_too_large_for_a_double_is_an_error(fmu: Fmu, method: SolverMeth
     start = {
         plant.mass: 1e-12,
         plant.drag: 0.0,
-        plant.drive: 1e300,
+        plant.input: 1e300,
         "solver.method": method,
         "solver.stepSize": 1e-4,
     }
     with fmu.running(start | plant.pull(w02)) as instance:
         before = instance.get(*plant.state)
         assert is_error(instance.step(0.0, 0.01))
-        assert "diverged at t = " in instance.errors[0]
+        message = instance.errors[0]
         assert instance.get(*plant.state) == before
+    assert "diverged at t = " in message
+    limit = limit_of(plant, method, start | plant.pull(w02))
+    assert (
+        f"{method.name} is stable at every step size for small swings of this {plant.system}: " in message
+    ) == (limit == inf)
+    assert "inf s" not in message
 
 
 def test_a_rate_that_overflows_in_the_last_substep_is_an_error(fmu: Fmu) -> None:
     plant = fmu.plant
     start = {
         plant.drag: 0.0,
-        plant.drive: 1e308,
+        plant.input: 1e308,
         "solver.method": SolverMethod.ExplicitEuler,
         "solver.stepSize": 10.0,
     }
@@ -152,10 +158,10 @@ def test_a_rate_that_overflows_in_the_last_substep_is_an_error(fmu: Fmu) -> None
 def test_within_the_stability_limit_the_error_points_to_drive_and_start(fmu: Fmu) -> None:
     plant = fmu.plant
     start = {plant.v_start: 1.7e308, plant.drag: 0.0, "solver.stepSize": 1.0}
-    with fmu.running(start | plant.pull(0.0)) as instance:
+    with fmu.running(start | plant.pull(1e-6)) as instance:
         assert is_error(instance.step(0.0, 10.0))
         assert "is within the stability limit" in instance.errors[0]
-        assert f"check the {plant.effort} and the start values" in instance.errors[0]
+        assert f"check the {plant.quantity} and the start values, or use a smaller" in instance.errors[0]
 
 
 positive = st.floats(-12.0, 12.0).map(lambda exponent: 10.0**exponent)
@@ -174,7 +180,7 @@ def any_start(draw: st.DrawFn, plant: Plant) -> dict[str, float]:
         if parameter.name in plant.slave.model._fields
     }
     start[plant.v_start] = draw(st.floats(-1e160, 1e160))
-    start[plant.drive] = draw(st.just(0.0) | st.floats(allow_nan=False, allow_infinity=False))
+    start[plant.input] = draw(st.just(0.0) | st.floats(allow_nan=False, allow_infinity=False))
     return start
 
 
@@ -219,7 +225,9 @@ def test_an_unstable_step_size_is_warned_of_with_one_that_is_not(
         (warning,) = instance.warnings
     assert warning.category == "logStatusWarning"
     assert warning.category in declared_categories(fmu)
-    assert warning.text.startswith(f"solver.stepSize = {factor * limit!r} s is unstable: ")
+    assert warning.text.startswith(
+        f"{fmu.plant.system}: solver.stepSize = {factor * limit!r} s is unstable: "
+    )
     found = re.search(r"use solver.stepSize = (\S+) s or less", warning.text)
     assert found is not None, warning.text
     stable = float(found[1])
@@ -258,10 +266,35 @@ def test_the_step_size_of_the_warning_is_never_warned_of(
     start = {fmu.plant.drag: rate, "solver.method": method} | fmu.plant.pull(w02)
     with fmu.running(start | {"solver.stepSize": 1e30}) as instance:
         (warning,) = instance.warnings
-    found = re.search(r"use solver.stepSize = (\S+) s or less", warning.text)
-    assert found is not None, warning.text
-    with fmu.running(start | {"solver.stepSize": float(found[1])}) as instance:
-        assert not instance.warnings
+    for advised in advice(warning.text, {"solver.method": method, "solver.stepSize": 1e30}):
+        with fmu.running(start | advised) as instance:
+            assert not instance.warnings, advised
+
+
+def advice(text: str, settings: dict[str, float]) -> list[dict[str, float]]:
+    """Return the settings that a warning names instead of `settings`."""
+    advised = []
+    for alternative in text.rpartition("use ")[2].split(", or "):
+        step = re.search(r"solver.stepSize = (\S+) s or less", alternative)
+        named = {"solver.stepSize": float(step[1])} if step else {}
+        methods = [{"solver.method": int(value)} for value in re.findall(r"(\d) \(", alternative)]
+        advised += [settings | named | method for method in methods or [{}]]
+    return advised
+
+
+@given(rate=st.just(0.0) | positive, w02=positive, method=st.sampled_from(LIMITED))
+def test_the_advised_method_suits_the_motion(fmu: Fmu, rate: float, w02: float, method: SolverMethod) -> None:
+    plant = fmu.plant
+    start = {plant.drag: rate, "solver.method": method, "solver.stepSize": 1e30} | plant.pull(w02)
+    with fmu.running(start) as instance:
+        (warning,) = instance.warnings
+    advised = {setting["solver.method"] for setting in advice(warning.text, start)} - {method}
+    if rate >= 2.0 * sqrt(w02):  # no swings: drag makes the motion stiff
+        assert advised == {SolverMethod.TRBDF2, SolverMethod.SDIRK4}
+    elif METHODS[method].order < METHODS[SolverMethod.ExplicitRungeKutta4].order:
+        assert advised == {SolverMethod.ExplicitRungeKutta4}
+    else:
+        assert not advised
 
 
 @pytest.mark.parametrize(
@@ -275,7 +308,9 @@ def test_a_method_without_a_stable_step_size_is_warned_of_with_one_that_has(
     with fmu.running({fmu.plant.drag: 0.0, "solver.method": method}) as instance:
         (warning,) = instance.warnings
     assert f"has no stable step size for this {fmu.plant.system}" in warning.text
-    assert warning.text.endswith("use ExplicitRungeKutta4 or ImplicitEuler")
+    (advised,) = advice(warning.text, {})
+    with fmu.running({fmu.plant.drag: 0.0} | advised) as instance:
+        assert not instance.warnings
 
 
 @pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)

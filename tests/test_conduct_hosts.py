@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.driver import Fmu
-from tests.hosts import needs, run_host
+from tests.hosts import needs, process_of, run_host
 from tests.plants import Plant
 from tests.twin import Twin
 
@@ -59,6 +59,18 @@ def test_strings_that_are_not_utf8_do_no_harm(fmu_path: Path, plant: Plant) -> N
 def test_other_importers_survive_errors(fmu_path: Path, plant: Plant, program: str) -> None:
     # Their communication points differ from 0.01*k in the last bits.
     assert run_host(program, fmu_path) == pytest.approx(default_end(plant), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        pytest.param("libcosimpy_unstable", marks=needs("libcosimpy")),
+        pytest.param("ecos_unstable", marks=needs("ecospy")),
+    ],
+)
+def test_other_importers_show_a_warning_once(fmu_path: Path, program: str) -> None:
+    done = process_of(program, fmu_path)
+    assert (done.stdout + done.stderr).count("solver.stepSize = 1000.0 s is unstable: ") == 1
 
 
 INSTANTIATE_AND_FREE = """

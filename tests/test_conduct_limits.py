@@ -272,18 +272,18 @@ def test_a_hash_is_doubled_in_the_log_where_it_would_name_a_variable(
     with fmu.instance(HASHED) as instance:
         fault(instance)
         (text,) = instance.errors
-    lines = capfd.readouterr().err.splitlines()
     assert text.startswith(f"{SHOWN}: ")
     assert "#" not in text.removeprefix(SHOWN)
+    with fmu.instance(HASHED, logging=False) as instance:
+        fault(instance)
+    lines = capfd.readouterr().err.splitlines()
     assert lines == ([] if fmu.native else [ON_STDERR + text.removeprefix(SHOWN)])
 
 
-def test_a_state_of_another_interface_is_refused_by_its_name(
-    fmu: Fmu, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_state_of_another_interface_is_refused_by_its_name(fmu: Fmu) -> None:
     ours = fmu.plant.interface.state_format(fmu.name)
     theirs = ours[:-4] + "#%#0"
-    with fmu.running({fmu.plant.drive: 0.5}) as instance:
+    with fmu.running({fmu.plant.input: 0.5}) as instance:
         state = instance.save()
         data = instance.serialize(state)
         instance.free_state(state)
@@ -296,7 +296,6 @@ def test_a_state_of_another_interface_is_refused_by_its_name(
         assert is_error(instance.restore_bytes(forged))
         text = f"{fmu.plant.system}: cannot restore the state: it is of '{ours[:-4]}##percent##0', this is '{ours}'"
         assert instance.errors == [text]
-        assert capfd.readouterr().err == ("" if fmu.native else text.replace("##", "#") + "\n")
         assert instance.restore_bytes(data) == OK
 
 
@@ -306,7 +305,7 @@ ZEROS = (0.0, -0.0)
 
 def special_starts(plant: Plant) -> Iterator[dict[str, float]]:
     """Yield start values with zeros of both signs wherever zeros are allowed."""
-    names = (plant.x_start, plant.v_start, plant.drive, plant.drag)
+    names = (plant.x_start, plant.v_start, plant.input, plant.drag)
     for values in product(ZEROS, ZEROS, ZEROS, (0.0, -0.0, 0.5)):
         for w02 in (0.0, -0.0, 9.81, -9.81):
             if plant.variables[plant.stiffness].allows(w02):

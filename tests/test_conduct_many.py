@@ -40,8 +40,8 @@ def test_a_hundred_interleaved_instances_do_not_touch_each_other(fmu: Fmu) -> No
         pairs = [(stack.enter_context(fmu.running(start)), Twin(fmu.plant, start)) for start in starts]
         for k, (time, duration) in enumerate(clock(20)):
             for i, (instance, twin) in enumerate(pairs):
-                twin.drive = 0.1 * ((i + k) % 3)
-                assert instance.set(fmu.plant.drive, twin.drive) == OK
+                twin.input = 0.1 * ((i + k) % 3)
+                assert instance.set(fmu.plant.input, twin.input) == OK
                 assert instance.step(time, duration) == OK
                 twin.step(time, duration)
         assert [instance.get(*fmu.plant.calculated) for instance, _ in pairs] == [
@@ -106,7 +106,7 @@ def wrong_fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
 @pytest.mark.one_model("about the names of modules")
 def test_two_builds_in_one_process_keep_to_their_own_code(fmu: Fmu, wrong_fmu: Fmu) -> None:
     plant = fmu.plant
-    start = {plant.drive: 1.0, plant.drag: 0.0} | plant.pull(0.0)
+    start = {plant.input: 1.0, plant.drag: 0.0} | plant.pull(0.0)
     rates = []
     with ExitStack() as stack:
         for instance in [stack.enter_context(one.running(start)) for one in (fmu, wrong_fmu, fmu, wrong_fmu)]:

@@ -144,10 +144,10 @@ def test_the_first_and_the_last_value_of_a_range_are_accepted(fmu: Fmu, allowed:
 @pytest.mark.parametrize("drive", [-LARGEST, -SMALLEST, SMALLEST, LARGEST])
 def test_the_largest_and_the_smallest_drives_are_accepted(fmu: Fmu, drive: float) -> None:
     # Heavy enough for the rate to stay a double, and with a pull that cannot be more than the drive.
-    start = {fmu.plant.mass: 1e10, fmu.plant.drive: drive} | fmu.plant.pull(1.0)
+    start = {fmu.plant.mass: 1e10, fmu.plant.input: drive} | fmu.plant.pull(1.0)
     with fmu.running(start) as instance:
         assert instance.step(0.0, 0.01) == OK
-        assert instance.get(fmu.plant.drive) == (drive,)
+        assert instance.get(fmu.plant.input) == (drive,)
 
 
 @pytest.mark.parametrize("way", ["reset", "correct"])
@@ -169,7 +169,7 @@ def test_a_refused_initialization_can_be_tried_again(fmu: Fmu, way: str) -> None
 
 def test_without_a_mass_what_was_set_can_be_read_before_it_is_checked(fmu: Fmu) -> None:
     plant = fmu.plant
-    values = {plant.mass: 0.0, plant.drag: 0.0, plant.x_start: 0.25, plant.v_start: -0.5, plant.drive: 0.75}
+    values = {plant.mass: 0.0, plant.drag: 0.0, plant.x_start: 0.25, plant.v_start: -0.5, plant.input: 0.75}
     with fmu.instance() as instance:
         for name, value in values.items():
             assert instance.set(name, value) == OK

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from ctypes import c_uint
 from io import StringIO
 from math import nan
@@ -15,7 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmi.shell import FmuError
-from tests.driver import ERROR, FATAL, Fmu, Instance, is_error
+from methods.solvers import SolverMethod
+from tests.driver import ERROR, FATAL, OK, Fmu, Instance, is_error
 from tests.plants import Plant
 from tests.test_conduct_divergence import declared_categories
 
@@ -29,9 +31,13 @@ FAULTS: dict[str, Callable[[Instance], int]] = {
     "type": lambda i: i.get_references("Integer", [0])[0],
     "string": lambda i: i.call("fmi2GetString", (c_uint * 1)(0), 1, None),
     "step": lambda i: max(i.initialize(), i.step(0.0, -1.0)),
-    "drive": lambda i: max(i.initialize(), i.set(i.fmu.plant.drive, nan), i.step(0.0, 0.01)),
+    "drive": lambda i: max(i.initialize(), i.set(i.fmu.plant.input, nan), i.step(0.0, 0.01)),
     "divergence": lambda i: max(
-        i.initialize({i.fmu.plant.v_start: 1e308, "solver.stepSize": 10.0}), i.step(0.0, 10.0)
+        i.initialize(
+            {i.fmu.plant.v_start: 1e308, i.fmu.plant.drag: 0.0, "solver.stepSize": 10.0}
+            | i.fmu.plant.pull(0.0)
+        ),
+        i.step(0.0, 10.0),
     ),
     "state": lambda i: i.restore_bytes(b"nothing"),
 }
@@ -58,7 +64,7 @@ def test_an_error_is_told_whether_or_not_there_is_a_log(
         fault(instance)
         told = instance.errors
     lines = capfd.readouterr().err.splitlines()
-    assert (len(told), len(lines)) == fmu.places_of_errors(logging)
+    assert (len(told), len(lines)) == fmu.places(logging)
     (text,) = {*told, *lines}
     assert text.startswith(f"{fmu.plant.system}: ")
 
@@ -90,6 +96,24 @@ def test_a_stderr_that_cannot_be_written_does_not_hide_the_reason(
     monkeypatch.setattr(sys, "stderr", stderr)
     with pytest.raises(FmuError, match=rf"^plant: {plant.x} is an output: it cannot be set$"):
         slave.set_real([plant.reference[plant.x]], [1.0])
+
+
+@pytest.mark.parametrize("logging", [False, True])
+def test_a_warning_is_told_whether_or_not_there_is_a_log(
+    fmu: Fmu, logging: bool, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with fmu.instance("100%", logging=logging) as instance:
+        for _ in range(2):
+            instance.log.clear()
+            instance.start({"solver.method": SolverMethod.ExplicitEuler, fmu.plant.drag: 0.0})
+            told = [entry.text for entry in instance.warnings]
+            lines = capfd.readouterr().err.splitlines()
+            assert (len(told), len(lines)) == fmu.places(logging)
+            (text,) = {*told, *lines}
+            assert text.startswith("100percent: solver.stepSize = 0.001 s is unstable: ")
+            # Logging that is turned on or off by the host later counts, too.
+            logging = not logging
+            assert instance.call("fmi2SetDebugLogging", logging, 0, None) == OK
 
 
 @each_fault
@@ -124,7 +148,38 @@ def test_fmpy_shows_the_reason(fmu: Fmu, capfd: pytest.CaptureFixture[str]) -> N
         simulate_fmu(str(fmu.path), start_values={fmu.plant.mass: -1.0}, debug_logging=True)
     captured = capfd.readouterr()
     reason = f"{fmu.name}: cannot initialize: {fmu.plant.mass} = -1.0 kg (allowed: > 0)"
-    assert (reason in captured.out, reason in captured.err) == fmu.places_of_errors(logging=True)
+    assert (reason in captured.out, reason in captured.err) == fmu.places(logging=True)
+
+
+each_option = pytest.mark.parametrize("options", [[], ["--debug-logging"]], ids=["quiet", "logging"])
+
+
+@each_option
+def test_fmpy_shows_a_warning_once(fmu: Fmu, options: list[str]) -> None:
+    done = fmpy_simulate(fmu, {"solver.method": SolverMethod.ExplicitEuler, fmu.plant.drag: 0.0}, options)
+    assert done.returncode == 0
+    (line,) = (done.stdout + done.stderr).splitlines()
+    slave = fmu.plant.slave(instance_name=fmu.name)
+    slave.set_real([fmu.reference[fmu.plant.drag]], [0.0])
+    slave.set_integer([fmu.reference["solver.method"]], [SolverMethod.ExplicitEuler])
+    assert line.removeprefix("[WARNING] ") == f"{fmu.name}: {slave.start()}"
+    assert "is unstable" in line
+
+
+@each_option
+def test_fmpy_shows_an_error_once(fmu: Fmu, options: list[str]) -> None:
+    done = fmpy_simulate(fmu, {fmu.plant.mass: -1.0}, options)
+    assert done.returncode != 0
+    reason = f"{fmu.name}: cannot initialize: {fmu.plant.mass} = -1.0 kg (allowed: > 0)"
+    assert (done.stdout + done.stderr).count(reason) == 1
+
+
+def fmpy_simulate(
+    fmu: Fmu, start: Mapping[str, float], options: Sequence[str]
+) -> subprocess.CompletedProcess[str]:
+    values = [word for name, value in start.items() for word in (name, str(value))]
+    command = [sys.executable, "-m", "fmpy", "simulate", fmu.path, *options, "--start-values", *values]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 def test_a_run_without_errors_reports_nothing(fmu: Fmu, capfd: pytest.CaptureFixture[str]) -> None:

@@ -29,7 +29,7 @@ def follow(instance: Instance, begin: int = 5) -> Values:
     """Return the outputs of five steps with a drive that changes."""
     values = []
     for k in range(begin, begin + 5):
-        assert instance.set(instance.fmu.plant.drive, 0.1 * k) == OK
+        assert instance.set(instance.fmu.plant.input, 0.1 * k) == OK
         assert instance.step(0.01 * k, 0.01 * (k + 1) - 0.01 * k) == OK
         values.append(instance.get(*instance.fmu.plant.calculated))
     return values
@@ -56,7 +56,7 @@ def test_a_restored_state_has_the_same_future(instance: Instance) -> None:
     future = follow(instance)
     for _ in range(3):
         assert instance.restore(state) == OK
-        assert instance.get(*plant.calculated, plant.drive) == (*now, 0.4)
+        assert instance.get(*plant.calculated, plant.input) == (*now, 0.4)
         assert follow(instance) == future
     instance.free_state(state)
 
@@ -69,7 +69,7 @@ def test_a_state_survives_the_instance_as_bytes(fmu: Fmu, instance: Instance) ->
     future = follow(instance)
     with fmu.instance("other") as other:
         assert other.restore_bytes(data) == OK
-        assert other.get(fmu.plant.drive, fmu.plant.mass) == (0.4, 0.7)
+        assert other.get(fmu.plant.input, fmu.plant.mass) == (0.4, 0.7)
         assert follow(other) == future
 
 
@@ -83,8 +83,8 @@ def test_a_state_is_restored_in_another_process(fmu_path: Path, instance: Instan
 
 def test_a_restored_state_replaces_everything_in_an_instance_that_ran_otherwise(fmu: Fmu) -> None:
     plant = fmu.plant
-    everything = (*(parameter.name for parameter in plant.parameters), plant.drive, *plant.calculated)
-    starts = {plant.mass: 2.0, plant.drive: 0.3}, {plant.x_start: 3.0, "solver.method": 4}
+    everything = (*(parameter.name for parameter in plant.parameters), plant.input, *plant.calculated)
+    starts = {plant.mass: 2.0, plant.input: 0.3}, {plant.x_start: 3.0, "solver.method": 4}
     with fmu.running(starts[0]) as one, fmu.running(starts[1]) as two:
         for running in (one, two):
             assert running.step(0.0, 0.01) == OK
@@ -119,10 +119,10 @@ def test_mode_and_stop_time_belong_to_the_state(fmu: Fmu) -> None:
 
 def test_reset_forgets_the_run(fmu: Fmu) -> None:
     plant = fmu.plant
-    with fmu.running({plant.mass: 2.0, plant.drive: 1.0, "solver.method": 4}) as instance:
+    with fmu.running({plant.mass: 2.0, plant.input: 1.0, "solver.method": 4}) as instance:
         follow(instance)
         assert instance.reset() == OK
-        assert instance.get(plant.mass, plant.drive, "solver.method", "solver.nfev") == (1.0, 0.0, 3, 0)
+        assert instance.get(plant.mass, plant.input, "solver.method", "solver.nfev") == (1.0, 0.0, 3, 0)
         assert instance.initialize() == OK
         twin = Twin(plant)
         twin.step(0.0, 0.01)
@@ -137,7 +137,7 @@ def data(fmu: Fmu) -> bytes:
 
 def refused(fmu: Fmu, data: bytes, reason: str) -> bool:
     """Return whether an instance refuses `data` for `reason` and goes on with the state it had."""
-    start = {fmu.plant.drive: 0.5}
+    start = {fmu.plant.input: 0.5}
     twin = Twin(fmu.plant, start)
     with fmu.running(start) as instance:
         status = instance.restore_bytes(data)
@@ -208,7 +208,7 @@ def test_a_state_of_another_interface_is_refused_in_both_directions(
     ours, theirs = format_of(data), format_of(other)
     assert ours != theirs
     assert refused(fmu, other, f"it is of '{theirs}', this is '{ours}'")
-    with other_fmu.running({fmu.plant.drive: 0.5}) as instance:
+    with other_fmu.running({fmu.plant.input: 0.5}) as instance:
         assert is_error(instance.restore_bytes(data))
         assert f"it is of '{ours}', this is '{theirs}'" in instance.errors[0]
 
@@ -328,7 +328,7 @@ def test_what_can_be_saved_can_be_restored(fmu: Fmu) -> None:
             plant.mass: -1.0,
             plant.x_start: nan,
             plant.v_start: -0.0,
-            plant.drive: inf,
+            plant.input: inf,
             "solver.method": 99,
         }.items():
             instance.set(name, value)
@@ -383,13 +383,13 @@ class Rollback(RuleBasedStateMachine):
         self.compare()
 
     def compare(self) -> None:
-        seen = self.instance.get(*self.plant.calculated, self.plant.drive)
-        assert seen == (*self.twin.calculated, self.twin.drive)
+        seen = self.instance.get(*self.plant.calculated, self.plant.input)
+        assert seen == (*self.twin.calculated, self.twin.input)
 
     @rule(drive=drives)
     def set_drive(self, drive: float) -> None:
-        assert self.instance.set(self.plant.drive, drive) == OK
-        self.twin.drive = drive
+        assert self.instance.set(self.plant.input, drive) == OK
+        self.twin.input = drive
         self.compare()
 
     @rule(duration=durations)

@@ -48,7 +48,7 @@ def test_the_fmu_is_its_kernel_bit_for_bit(
     twin = Twin(PENDULUM, start)
     for i, tau in enumerate(torques):
         assert instance.set("tau", tau) == OK
-        twin.drive = tau
+        twin.input = tau
         assert instance.get(*PENDULUM.calculated) == twin.calculated
         assert instance.step(i * H, H) == OK
         twin.step(i * H, H)

@@ -70,7 +70,7 @@ def test_every_method_gives_the_bits_of_the_python_kernel(
     twin = Twin(PENDULUM, start)
     for i, tau in enumerate(torques):
         assert shared.set("tau", tau) == OK
-        twin.drive = tau
+        twin.input = tau
         status = shared.step(i * duration, duration)
         after = stepped(twin, i * duration, duration)
         if after is None:

@@ -93,7 +93,7 @@ def test_status_of_steps(instance: Instance) -> None:
     # It is for steps that were pending.
     assert instance.call("fmi2GetStatus", fmi2DoStepStatus, byref(c_int())) == DISCARD
     assert instance.log == [
-        Log(DISCARD, "logStatusDiscard", "there is no status of kind 0: no step is pending")
+        Log(DISCARD, "logStatusDiscard", "pendulum: there is no status of kind 0: no step is pending")
     ]
 
 

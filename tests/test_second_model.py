@@ -78,6 +78,22 @@ def test_the_undamped_hardening_spring_has_the_period_of_the_elliptic_integral(f
 
 
 @pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)
+def test_without_hardening_a_motion_of_any_size_is_the_same_but_for_its_size(
+    fmu: Fmu, method: SolverMethod
+) -> None:
+    """The equation is linear then, and a power of two changes no rounding: also where x^3 is no double."""
+    ends = []
+    for size in (1.0, 2.0**500):
+        start = {"k3": 0.0, "x_start": size, "v_start": -0.5 * size, "solver.method": method}
+        with fmu.running(start) as instance:
+            instance.set("F", 0.25 * size)
+            assert instance.step(0.0, 0.01) == OK
+            x, v, a, E = instance.get("x", "v", "a", "E")
+            ends.append((x / size, v / size, a / size, E / size / size))
+    assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)
 def test_both_carriers_give_the_same_bits(carriers: list[Fmu], method: SolverMethod) -> None:
     h = 3.0 if METHODS[method].tableau else 0.02  # long stages show a Newton step that differs
     runs = []

@@ -1,6 +1,6 @@
 from collections.abc import Callable
 from fractions import Fraction
-from math import cos, inf, isinf, sin, sqrt, ulp
+from math import cos, inf, isinf, nextafter, sin, sqrt, ulp
 from sys import float_info
 
 import pytest
@@ -10,6 +10,7 @@ from mpmath import mp, mpc, mpf
 
 from damped_pendulum.model import Motion, Pendulum, solve_kepler
 from methods.implicit import MAX_EVALUATIONS, newton_stage
+from methods.integration import BLOCK
 from methods.solvers import (
     MAX_SUBSTEPS,
     METHODS,
@@ -378,6 +379,12 @@ def test_number_of_substeps(time: float, duration: float, max_step: float, n: in
     assert substeps(time, duration, max_step) == n
 
 
+def test_the_noise_of_a_clock_is_not_forgiven_beyond_the_longest_substep() -> None:
+    duration = 0.1 + 5e-7  # at 1e9 s the noise is 4*eps*1e9 = 8.9e-7 s
+    for longest, expected in ((inf, 1), (duration, 1), (nextafter(duration, 0.0), 2)):
+        assert substeps(1e9, duration, 0.1, longest) == expected
+
+
 @pytest.mark.parametrize("time", [0.0, 0.1, -3.0, 1e6, -1e6, 1e9])
 @pytest.mark.parametrize("n", [1, 2, 10, 1000])
 def test_what_is_over_the_rounding_of_the_times_takes_one_substep_more(time: float, n: int) -> None:
@@ -423,3 +430,13 @@ def test_evaluations_are_counted(method: SolverMethod) -> None:
         assert nfev == 7 * METHODS[method].order
     else:
         assert nfev == calls == 7 * (METHODS[method].stages or 0)
+
+
+@pytest.mark.parametrize("method", SolverMethod, ids=lambda method: method.name)
+@pytest.mark.parametrize("more", [0, 1, BLOCK, BLOCK + 7])
+def test_many_substeps_give_the_bits_of_one_loop(method: SolverMethod, more: int) -> None:
+    n, h, pendulum = BLOCK + more, 2.0**-10, Pendulum(1.0, 1.0, 0.5, 0.0)
+    steps = integration(method, h, pendulum)
+    steps.hold(pendulum.motion(0.25))
+    expected = METHODS[method].solver(pendulum.motion(0.25), 0.5, 1.0, h, n)
+    assert steps.advance(0.5, 1.0, 0.0, n * h) == expected

@@ -13,7 +13,7 @@ from tests.plants import PENDULUM, Plant
 
 def integration(method: SolverMethod, step_size: float, model: Any, plant: Plant = PENDULUM) -> Integration:
     """Return the communication steps of `model`."""
-    return Integration(method, step_size, model.motion(0.0), plant.system, plant.effort)
+    return Integration(method, step_size, model.motion(0.0), plant.system, plant.quantity)
 
 
 class Twin:
@@ -24,7 +24,7 @@ class Twin:
         model = plant.slave.model
         self.model = model(*(values[name] for name in model._fields))
         self.x, self.v, self.nfev = values[plant.x_start], values[plant.v_start], 0
-        self.drive = values[plant.drive]
+        self.input = values[plant.input]
         method = SolverMethod(values["solver.method"])
         self.solve = METHODS[method].solver
         self.integration = integration(method, values["solver.stepSize"], self.model, plant)
@@ -32,7 +32,7 @@ class Twin:
 
     def step(self, time: float, duration: float) -> None:
         n = self.integration.substeps(time, duration)
-        motion = self.model.motion(self.drive)
+        motion = self.model.motion(self.input)
         self.x, self.v, nfev = self.solve(motion, self.x, self.v, duration / n, n)
         self.nfev += nfev
 
@@ -42,5 +42,5 @@ class Twin:
     @property
     def calculated(self) -> tuple[float, ...]:
         """The values of what the plant calculates."""
-        a = self.model.motion(self.drive).acceleration()(self.x, self.v)
+        a = self.model.motion(self.input).acceleration()(self.x, self.v)
         return self.x, self.v, a, self.model.energy(self.x, self.v), self.nfev

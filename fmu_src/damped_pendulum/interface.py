@@ -24,7 +24,7 @@ VARIABLES = second_order(
     ),
     x_start=Variable("phi_start", "Angle", "parameter", "Initial angle", pi / 6, FINITE),
     v_start=Variable("w_start", "AngularVelocity", "parameter", "Initial angular velocity", 0.0, FINITE),
-    drive=Variable("tau", "Torque", "input", "External torque about the pivot", 0.0, FINITE),
+    input=Variable("tau", "Torque", "input", "External torque about the pivot", 0.0, FINITE),
     x=Variable("phi", "Angle", "output", "Angle from the downward vertical, not wrapped"),
     v=Variable("w", "AngularVelocity", "output", "Angular velocity (= der(phi))"),
     a=Variable("a", "AngularAcceleration", "output", "Angular acceleration (= der(w))", nominal=10.0),

@@ -84,7 +84,7 @@ def second_order(
     parameters: tuple[Variable, ...],
     x_start: Variable,
     v_start: Variable,
-    drive: Variable,
+    input: Variable,
     x: Variable,
     v: Variable,
     a: Variable,
@@ -97,22 +97,22 @@ def second_order(
     ----------
     parameters : those of der(v) = a(x, v) + drive
     x_start, v_start : the parameters that x and v start from, named like these with "_start"
-    drive : the input
+    input : the one input; drive is a multiple of it
     x, v, a, energy : the outputs; a is the time derivative of v, and v that of x
     energy_needs : the names of the parameters of which the energy is made
     """
     starts = (x_start.name, v_start.name)
-    all_starts = (*(parameter.name for parameter in parameters), *starts, drive.name)
+    all_starts = (*(parameter.name for parameter in parameters), *starts, input.name)
     return (
         *parameters,
         x_start,
         v_start,
         METHOD,
         STEP_SIZE,
-        drive,
+        input,
         x._replace(depends_on=(x.name,), starts_from=(x_start.name,)),
         v._replace(derivative_of=x.name, depends_on=(v.name,), starts_from=(v_start.name,)),
-        a._replace(derivative_of=v.name, depends_on=(drive.name, x.name, v.name), starts_from=all_starts),
+        a._replace(derivative_of=v.name, depends_on=(input.name, x.name, v.name), starts_from=all_starts),
         energy._replace(depends_on=(x.name, v.name), starts_from=(*energy_needs, *starts)),
         EVALUATIONS,
     )

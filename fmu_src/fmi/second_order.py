@@ -1,4 +1,4 @@
-"""A slave for models of second order, der(x) = v, der(v) = a(x, v) + drive, that are driven by one input."""
+"""A slave for models of second order, der(x) = v, der(v) = a(x, v) + drive; drive is a multiple of the one input."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class Names(NamedTuple):
     v: str
     a: str
     energy: str
-    drive: str
+    input: str
     system: str  # in messages, "for this ..."
-    effort: str  # in messages, "check the ..."
+    quantity: str  # of the input, in messages: "check the ..."
     damping_time: str  # the inverse of the damping rate, in terms of the parameters
 
 
 class Model(Protocol):
     """What is asked of a model: a NamedTuple of its parameters."""
 
-    def motion(self, drive: float) -> Motion:
-        """Return der(v) under an input that is held."""
+    def motion(self, u: float) -> Motion:
+        """Return der(v) under an input `u` that is held."""
 
     def out_of_range(self) -> list[str]:
         """Return what cannot be computed with although each parameter by itself is allowed."""
@@ -82,13 +82,13 @@ class SecondOrder(CoSimulation):
             self["solver.stepSize"],
             self.parameters.motion(0.0),
             self.names.system,
-            self.names.effort,
+            self.names.quantity,
         )
         return self.integration.warning()
 
     def hold(self) -> None:
         """Take over the input for the steps to come."""
-        self.integration.hold(self.parameters.motion(self[self.names.drive]))
+        self.integration.hold(self.parameters.motion(self[self.names.input]))
 
     def advance(self, time: float, duration: float) -> None:
         """Advance the state from `time` over `duration` [s], or raise OverflowError with the reason."""
@@ -107,7 +107,7 @@ class SecondOrder(CoSimulation):
         return min(self.nfev, INTEGER_MAX)
 
     def _acceleration(self) -> float:
-        return self.parameters.motion(self[self.names.drive]).acceleration()(self.x, self.v)
+        return self.parameters.motion(self[self.names.input]).acceleration()(self.x, self.v)
 
     def _energy(self) -> float:
         return self.parameters.energy(self.x, self.v)
@@ -122,7 +122,7 @@ class SecondOrder(CoSimulation):
         ):  # math.sin(inf), a mass of zero before the parameters are checked
             value = nan
         if not isfinite(value):
-            known = {self.names.x: self.x, self.names.v: self.v, self.names.drive: self[self.names.drive]}
+            known = {self.names.x: self.x, self.names.v: self.v, self.names.input: self[self.names.input]}
             variables = {variable.name: variable for variable in self.interface.variables}
             texts = (f"{key} = {known[key]!r} {self.interface.unit_of(variables[key])}" for key in known)
             self.fail(f"{name} is out of the range of a double at {', '.join(texts)}")

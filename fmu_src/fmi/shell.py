@@ -23,7 +23,7 @@ from pythonfmu.enums import Fmi2Status
 
 from .description import complete, scalar_variable
 from .tables import Interface, Variable
-from .wrapper import keep_alive, release_wrappers
+from .wrapper import hands_on_the_log, keep_alive, release_wrappers
 
 MODES = ("instantiated", "initialization", "stepping", "terminated")
 INTEGER_MAX = 2**31 - 1  # fmi2Integer has 32 bits
@@ -123,6 +123,7 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         keep_alive(self, self.log_queue)
+        self._logger = kwargs.get("logger")
         # An interrupt cannot hit a function of C; the wrapper does not expect one here.
         self._get_log_queue = repeat(self.log_queue).__next__
         self.values: list[Any] = [variable.start for variable in self.interface.variables]
@@ -173,7 +174,7 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
             self.fail("cannot initialize: " + "; ".join(problems))
         warning = self.start()
         if warning is not None:
-            self.log(_for_log(warning), Fmi2Status.warning, "logStatusWarning")
+            self.log(self._told(warning), Fmi2Status.warning, "logStatusWarning")
         self._mode = "stepping"  # last, because an interrupt may come before
 
     def do_step(self, current_time: float, step_size: float) -> bool:
@@ -414,21 +415,24 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
                 self.fail(f"no step from t = {current_time!r} s: {text}")
 
     def fail(self, message: str) -> NoReturn:
-        """Raise `message`, which the wrapper logs, and give it to stderr, because a host may show no log."""
+        """Raise `message`, which the wrapper logs."""
+        raise FmuError(self._told(message))
+
+    def _told(self, message: str) -> str:
+        """Return `message` as the log gets it, after writing it to stderr where the host gets no log.
+
+        `%` would be a format for FMI's logger, and `#` a value reference (2.1.5).
+        """
         text = f"{self.instance_name}: {message}".replace("%", "percent")
-        # A host may have no stderr, a closed one, one that cannot write the instance name, or one of its own.
-        with suppress(Exception):
-            sys.stderr.write(text + "\n")
-        raise FmuError(_for_log(text))
+        if not hands_on_the_log(self._logger):
+            # A host may have no stderr, a closed one, one that cannot write the instance name, or one of its own.
+            with suppress(Exception):
+                sys.stderr.write(text + "\n")
+        return text.replace("#", "##")
 
 
 def _reader_of_value(vr: int) -> Reader:
     return lambda slave: slave.values[vr]
-
-
-def _for_log(text: str) -> str:
-    """Return `text` for FMI's logger, which takes `%` for a format and `#` for a value reference (2.1.5)."""
-    return text.replace("%", "percent").replace("#", "##")
 
 
 def is_float(value: object) -> bool:

@@ -25,6 +25,15 @@ def keep_alive(*objects: object) -> None:
                 ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
 
 
+def hands_on_the_log(logger: int | None) -> bool:
+    """Return whether the wrapper whose logger is at this address passes messages to the host, or drops them all.
+
+    The wrapper of pythonfmu 0.7 drops them while the host has not turned on logging. It tells nobody, but the flag is
+    the first member of its logger, behind the pointer to the virtual functions.
+    """
+    return logger is not None and ctypes.c_bool.from_address(logger + ctypes.sizeof(ctypes.c_void_p)).value
+
+
 def release_wrappers(model_name: str) -> None:
     """Let the wrappers of a model that are loaded release their global state.
 

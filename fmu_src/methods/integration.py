@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import inf, isfinite, sqrt
 from typing import NoReturn
 
 from .inline import inlined
 from .motion import Motion, Solver
-from .solvers import METHODS, SolverMethod, stability_limit, substeps
+from .solvers import MAX_SUBSTEPS, METHODS, SolverMethod, stability_limit, substeps
+
+BLOCK = (
+    2**16
+)  # substeps of an explicit method between two looks at the state, which cost as much as a few of them
 
 
 class Integration:
@@ -18,7 +22,7 @@ class Integration:
     method : the method
     step_size : upper bound of the substeps [s], > 0
     motion : the motion without drive, which knows the rates that limit the substeps
-    system, drive : what moves and what drives it, for messages
+    system, quantity : what moves and what the input is, for messages
 
     Attributes
     ----------
@@ -26,13 +30,18 @@ class Integration:
     """
 
     def __init__(
-        self, method: SolverMethod, step_size: float, motion: Motion, system: str, drive: str
+        self, method: SolverMethod, step_size: float, motion: Motion, system: str, quantity: str
     ) -> None:
-        self.method, self.system, self.drive = method, system, drive
+        self.method, self.system, self.quantity = method, system, quantity
+        self._free = motion
         self.limit = stability_limit(method, motion.damping_rate, motion.w02)
         diagonal = METHODS[method].diagonal
-        self._longest = motion.longest_implicit_stage() / diagonal if diagonal else inf
-        self.max_step = min(step_size, self._longest)
+        longest = motion.longest_implicit_stage() / diagonal if diagonal else inf
+        self.max_step = min(step_size, longest)
+        # The noise of a clock may take an implicit stage to half of the margin of its length.
+        self._longest = longest * (1.0 + 5e-10)
+        # The implicit methods look at the state themselves, and a second call would evaluate their first stage anew.
+        self._block = MAX_SUBSTEPS if diagonal else BLOCK
         self._motion: Motion
         self._solve: Solver
 
@@ -48,9 +57,7 @@ class Integration:
 
     def substeps(self, time: float, duration: float) -> int:
         """Return the number of substeps of a step from `time` over `duration` [s]; see `solvers.substeps`."""
-        n = substeps(time, duration, self.max_step)
-        # What the noise of the clock adds may not take an implicit stage beyond half of the margin of its length.
-        return n + 1 if duration / n > self._longest * (1.0 + 5e-10) else n
+        return substeps(time, duration, self.max_step, self._longest)
 
     def advance(self, phi: float, w: float, time: float, duration: float) -> tuple[float, float, int]:
         """Return the state after a step from `time` over `duration` [s], and its evaluations.
@@ -62,13 +69,26 @@ class Integration:
         n = self.substeps(time, duration)
         h = duration / n
         try:
-            phi_then, w_then, nfev = self._solve(self._motion, phi, w, h, n)
+            solve = self._solve if n <= self._block else self._solve_in_blocks
+            phi_then, w_then, nfev = solve(self._motion, phi, w, h, n)
         except ValueError:  # math.sin(inf)
             self._report_divergence(phi, w, time, h, n)
         if not (isfinite(phi_then) and isfinite(w_then)):
             self._report_divergence(phi, w, time, h, n)
         # The sign of a zero depends on the terms that are left out: -0.0 becomes 0.0.
         return phi_then + 0.0, w_then + 0.0, nfev
+
+    def _solve_in_blocks(
+        self, motion: Motion, phi: float, w: float, h: float, n: int
+    ) -> tuple[float, float, int]:
+        """Do what the method does, but end with the block in which the state leaves the range of a double."""
+        nfev = 0
+        for first in range(0, n, self._block):
+            phi, w, more = self._solve(motion, phi, w, h, min(self._block, n - first))
+            nfev += more
+            if not (isfinite(phi) and isfinite(w)):
+                break
+        return phi, w, nfev
 
     def _report_divergence(self, phi: float, w: float, time: float, h: float, n: int) -> NoReturn:
         """Raise with the substep that left the range of a double, found by taking the `n` one by one."""
@@ -86,19 +106,36 @@ class Integration:
 
     def _advice(self, h: float) -> str:
         """Say what to do about substeps of `h` [s] that went wrong or will."""
-        method = self.method.name
-        if self.limit == 0.0:
-            return (
-                f"{method} has no stable step size for this {self.system} (stability limit 0 s): "
-                "use ExplicitRungeKutta4 or ImplicitEuler"
-            )
+        method, limit = self.method.name, f"{self.limit:.6g} s"
+        mend = f"check the {self.quantity} and the start values, or use a smaller solver.stepSize"
+        if self.limit == inf:
+            return f"{method} is stable at every step size for small swings of this {self.system}: {mend}"
         if h <= self.limit:
-            return (
-                f"{h!r} s is within the stability limit of {method} for this {self.system} "
-                f"({self.limit:.6g} s): check the {self.drive} and the start values"
-            )
-        stable = 0.9999 * self.limit  # stays below the limit when it is rounded to five digits
+            within = f"{h!r} s is within the stability limit of {method}"
+            return f"{within} for small swings of this {self.system} ({limit}): {mend}"
+        better = self._better_method()
+        if self.limit == 0.0:
+            return f"{method} has no stable step size for this {self.system}: use {better}"
         return (
-            f"the stability limit of {method} for this {self.system} is {self.limit:.6g} s: "
-            f"use solver.stepSize = {stable:.5g} s or less, or ImplicitEuler"
+            f"the stability limit of {method} for this {self.system} is {limit}: "
+            f"use {_stable_step(self.limit)}{better and f', or {better}'}"
         )
+
+    def _better_method(self) -> str:
+        """Return the setting of a method that allows longer substeps, "" where none is as accurate."""
+        damping_rate, w02 = self._free.damping_rate, self._free.w02
+        if damping_rate >= 2.0 * sqrt(abs(w02)):
+            l_stable = (SolverMethod.TRBDF2, SolverMethod.SDIRK4)
+            return "solver.method = " + " or ".join(f"{method.value} ({method.name})" for method in l_stable)
+        rk4 = SolverMethod.ExplicitRungeKutta4
+        limit = stability_limit(rk4, damping_rate, w02)
+        return (
+            f"solver.method = {rk4.value} ({rk4.name}) with {_stable_step(limit)}"
+            if limit > self.limit
+            else ""
+        )
+
+
+def _stable_step(limit: float) -> str:
+    """Return the setting of a step size that stays below `limit` [s] when it is rounded to five digits."""
+    return f"solver.stepSize = {0.9999 * limit:.5g} s or less"

@@ -160,11 +160,12 @@ def _polynomial(coefficients: list[float], h: float) -> float:
     return value
 
 
-def substeps(time: float, duration: float, max_step: float) -> int:
+def substeps(time: float, duration: float, max_step: float, longest: float = inf) -> int:
     """Return the number of equal substeps, none longer than `max_step` [s], of a communication step.
 
     The communication step lasts `duration` [s] from `time` [s]. Importers form it as a difference of times,
-    so it carries the rounding noise of those; that noise, up to a tenth of `max_step`, adds no substep.
+    so it carries the rounding noise of those; that noise, up to a tenth of `max_step`, adds no substep, unless one
+    would be longer than `longest` [s] >= `max_step`.
 
     Raises
     ------
@@ -172,6 +173,9 @@ def substeps(time: float, duration: float, max_step: float) -> int:
     """
     noise = 4.0 * float_info.epsilon * (abs(time) + duration)
     n = (duration - min(noise, max_step / 10.0)) / max_step
+    if n <= MAX_SUBSTEPS:
+        n = max(1, ceil(n))
+        n = n if duration / n <= longest else n + 1
     if n > MAX_SUBSTEPS:
         raise OverflowError(
             f"no step from t = {time!r} s: a communication step of {duration!r} s would need {n:.3g} substeps of "
@@ -182,4 +186,4 @@ def substeps(time: float, duration: float, max_step: float) -> int:
             f"no step from t = {time!r} s over {duration!r} s: its times are rounded to {noise!r} s, "
             f"which is more than the longest substep ({max_step!r} s)"
         )
-    return ceil(n) if n > 1.0 else 1
+    return int(n)

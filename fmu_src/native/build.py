@@ -127,9 +127,9 @@ def _row(variable: Variable) -> str:
 
 
 def _model(names: Names) -> str:
-    variables = (names.x, names.v, names.a, f"{names.x}_start", f"{names.v}_start", names.drive)
+    variables = (names.x, names.v, names.a, f"{names.x}_start", f"{names.v}_start", names.input)
     references = ", ".join(f"VR_{name}" for name in variables)
-    return f'{references}, "{names.system}", "{names.effort}"'
+    return f'{references}, "{names.system}", "{names.quantity}"'
 
 
 def _method_row(method: SolverMethod) -> str:

@@ -1,8 +1,9 @@
 /* The FMI 2.0 functions: values in and out, checks, errors, state. No physics, and no global that can change.
  *
  * fmi/shell.py is the specification, texts included. A user's mistake is fmi2Error with the reason in the log, and
- * leaves the instance and the arguments as they were before the call. Errors and what is discarded are always logged; a
- * warning is if logging is on for it. There are no other messages. */
+ * leaves the instance and the arguments as they were before the call. Errors, warnings and what is discarded are logged
+ * with debug logging off, too, as their status asks for (2.1.3), but for warnings that a host has switched off by their
+ * category. There are no other messages. */
 
 #include <float.h>
 #include <math.h>
@@ -62,7 +63,7 @@ typedef struct {
 /* Log a message and return `status`. */
 static fmi2Status tell(Instance *self, fmi2Status status, const char *format, ...) {
     clear(&self->message);
-    if (status == fmi2Error) append(&self->message, "%.*s: ", (int)length_within(self->name, MOST_TEXT), self->name);
+    append(&self->message, "%.*s: ", (int)length_within(self->name, MOST_TEXT), self->name);
     va_list arguments;
     va_start(arguments, format);
     append_list(&self->message, format, arguments);
@@ -165,6 +166,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean loggingOn) {
     (void)resources; /* there are none */
     (void)visible;   /* there is no window */
+    (void)loggingOn; /* there are no debug messages */
     const char *given = name == NULL ? "" : name;
     const size_t size = strlen(given) + 1;
     Instance *self = calloc(1, sizeof *self + size);
@@ -176,7 +178,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     }
     memcpy(self->name, given, size);
     if (functions != NULL) self->callbacks = *functions;
-    self->logs_warnings = loggingOn;
+    self->logs_warnings = true;
     fmi2Reset(self);
     if (check_instantiation(self, type, guid) == fmi2OK) return self;
     free(self);
@@ -188,7 +190,7 @@ void fmi2FreeInstance(fmi2Component c) {
     free(c);
 }
 
-/* Of the categories the warnings alone can be switched off. */
+/* Of the categories the warnings alone can be switched off, by a list that has them or, of what stays on, has not. */
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t n, const fmi2String categories[]) {
     Instance *self = c;
     bool listed[sizeof CATEGORIES / sizeof *CATEGORIES] = {false};
@@ -204,7 +206,7 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t n,
                         CATEGORIES[fmi2Discard], CATEGORIES[fmi2Error]);
         listed[status] = true;
     }
-    self->logs_warnings = loggingOn && (n == 0 || listed[fmi2Warning]);
+    self->logs_warnings = n == 0 || listed[fmi2Warning] == (loggingOn != fmi2False);
     return fmi2OK;
 }
 

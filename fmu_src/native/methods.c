@@ -118,17 +118,16 @@ static inline double convolution(const double *first, const double *second, int 
     return product;
 }
 
-/* The polynomial of the drive about t, each term with its power of h. */
-static inline void drive_terms(const Motion *p, double t, double h, double terms[MAX_INPUT_ORDER + 1]) {
+static inline void drive_terms(const Motion *p, double t, double h, double drive[MAX_INPUT_ORDER + 1]) {
     for (int k = 0; k <= MAX_INPUT_ORDER; k++)
-        terms[k] = p->drive[k];
+        drive[k] = p->drive[k];
     for (int i = 0; i < p->order; i++)
         for (int k = p->order - 1; k >= i; k--)
-            terms[k] += t * terms[k + 1];
+            drive[k] += t * drive[k + 1];
     double power = 1.0;
     for (int k = 1; k <= p->order; k++) {
         power *= h;
-        terms[k] *= power;
+        drive[k] *= power;
     }
 }
 
@@ -236,11 +235,20 @@ static void growth(int order, double z, double coefficients[2 * TAYLOR_ORDER]) {
     }
 }
 
-/* Where w02 < 0 the model runs away from where it rests: the limit is that of swings as fast as this. */
+/* The damping rate [1/s] of small swings. */
+static double damping_rate(const Motion *p) {
+    return -model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.v);
+}
+
+/* The angular frequency [rad/s] of small swings without damping; of swings as fast as this where the model runs away
+ * from where it rests. */
+static double frequency(const Motion *p) {
+    return sqrt(fabs(model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.x)));
+}
+
 static double stability_limit(const Motion *p) {
-    const double k = -model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.v);
-    const double w02 = -model_partial_derivative(&p->model, 0.0, MODEL_REST, 0.0, MODEL.a, MODEL.x);
-    const double w0 = sqrt(fabs(w02));
+    const double k = damping_rate(p);
+    const double w0 = frequency(p);
     if (METHODS[p->method].real_limit == INFINITY || (k == 0.0 && w0 == 0.0)) return INFINITY;
     if (k >= 2.0 * w0) {
         const double ratio = w0 / k;
@@ -282,21 +290,45 @@ static double longest_substep(const Motion *p, double step_size) {
     return fmin(step_size, longest_of_stages(p));
 }
 
+/* Add the setting of a step size that stays below `limit` [s] when it is rounded to five digits. */
+static void append_stable_step(Text *text, double limit) {
+    append(text, "solver.stepSize = %s s or less", rounded(0.9999 * limit, 5).text);
+}
+
+/* Add, after `words`, the setting of a method that allows longer substeps; nothing where none is as accurate. */
+static void append_better_method(Text *text, const char *words, const Motion *p) {
+    Motion rk4 = *p;
+    rk4.method = ExplicitRungeKutta4;
+    const double limit = stability_limit(&rk4);
+    if (damping_rate(p) >= 2.0 * frequency(p)) {
+        append(text, "%ssolver.method = %d (%s) ", words, TRBDF2, METHODS[TRBDF2].name);
+        append(text, "or %d (%s)", SDIRK4, METHODS[SDIRK4].name);
+    } else if (limit > stability_limit(p)) {
+        append(text, "%ssolver.method = %d (%s) with ", words, rk4.method, METHODS[rk4.method].name);
+        append_stable_step(text, limit);
+    }
+}
+
 /* Add what to do about substeps of h [s] that went wrong or will. */
 static void append_advice(Text *text, const Motion *p, double h) {
     const char *name = METHODS[p->method].name;
-    const char *implicit = METHODS[ImplicitEuler].name;
     const double limit = stability_limit(p);
-    const double stable = 0.9999 * limit; /* stays below the limit when it is rounded to five digits */
     if (limit == 0.0) {
-        append(text, "%s has no stable step size for this %s (stability limit 0 s): ", name, MODEL.system);
-        append(text, "use %s or %s", METHODS[ExplicitRungeKutta4].name, implicit);
-    } else if (h <= limit) {
-        append(text, "%s s is within the stability limit of %s for this %s ", repr(h).text, name, MODEL.system);
-        append(text, "(%s s): check the %s and the start values", rounded(limit, 6).text, MODEL.cause);
+        append(text, "%s has no stable step size for this %s: use ", name, MODEL.system);
+        append_better_method(text, "", p);
+    } else if (h > limit) {
+        append(text, "the stability limit of %s for this %s is %s s: use ", name, MODEL.system, rounded(limit, 6).text);
+        append_stable_step(text, limit);
+        append_better_method(text, ", or ", p);
     } else {
-        append(text, "the stability limit of %s for this %s is %s s: ", name, MODEL.system, rounded(limit, 6).text);
-        append(text, "use solver.stepSize = %s s or less, or %s", rounded(stable, 5).text, implicit);
+        if (limit == INFINITY) {
+            append(text, "%s is stable at every step size for small swings of this %s: ", name, MODEL.system);
+        } else {
+            append(text, "%s s is within the stability limit of %s for small swings of this %s ", repr(h).text, name,
+                   MODEL.system);
+            append(text, "(%s s): ", rounded(limit, 6).text);
+        }
+        append(text, "check the %s and the start values, or use a smaller solver.stepSize", MODEL.quantity);
     }
 }
 
@@ -315,12 +347,13 @@ static double clock_noise(double time, double duration) {
     return 4.0 * DBL_EPSILON * (fabs(time) + duration);
 }
 
-/* Number of equal substeps, none longer than max_step [s] but for that noise, up to a tenth of max_step; a whole number
- * up to MAX_SUBSTEPS. */
-static double substeps(double time, double duration, double max_step) {
+/* Number of equal substeps, none longer than max_step [s] but for that noise, up to a tenth of max_step, and none
+ * longer than `longest` [s] >= max_step; a whole number up to MAX_SUBSTEPS. */
+static double substeps(double time, double duration, double max_step, double longest) {
     const double n = (duration - fmin(clock_noise(time, duration), max_step / 10.0)) / max_step;
     if (n > MAX_SUBSTEPS) return n;
-    return n > 1.0 ? ceil(n) : 1.0;
+    const double fewest = n > 1.0 ? ceil(n) : 1.0;
+    return duration / fewest <= longest ? fewest : fewest + 1.0;
 }
 
 /* Write why there are no substeps for a step, and return whether that is so. */
@@ -355,10 +388,9 @@ static void report_divergence(const Motion *p, double x, double v, double time, 
 
 static bool advance(const Motion *p, double time, double duration, double max_step, double *x, double *v, int64_t *nfev,
                     Text *text) {
-    double n = substeps(time, duration, max_step);
+    /* The noise of a clock may take an implicit stage to half of the margin of its length. */
+    const double n = substeps(time, duration, max_step, longest_of_stages(p) * (1.0 + 5e-10));
     if (has_no_substeps(time, duration, max_step, n, text)) return false;
-    /* What the noise of the clock adds may not take an implicit stage beyond half of the margin of its length. */
-    if (duration / n > longest_of_stages(p) * (1.0 + 5e-10)) n += 1.0;
     const double h = duration / n;
     double x_then = *x;
     double v_then = *v;

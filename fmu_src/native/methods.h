@@ -25,6 +25,9 @@ static inline Motion motion(Model model, Method method, double u, const double d
 /* The drive at t [x/s2]. */
 static inline double drive_at(const Motion *p, double t);
 
+/* The polynomial of the drive about t: drive[k] is its term with h^k [x/s2]. */
+static inline void drive_terms(const Motion *p, double t, double h, double drive[MAX_INPUT_ORDER + 1]);
+
 /* a at t [x/s2]. */
 static inline double acceleration(const Motion *p, double t, double x, double v);
 

@@ -80,13 +80,14 @@ static void describe_values(const Simulation *simulation, Text *text) {
 
 /* Derivatives */
 
-_Static_assert(MAX_INPUT_ORDER == 3, "moment_of() has all coefficients of the drive");
 _Static_assert(MAX_OUTPUT_ORDER == 1, "time_derivative() has all orders");
 
 static Moment moment_of(const Motion *p, double t, double x, double v) {
+    double drive[MAX_INPUT_ORDER + 1];
+    drive_terms(p, t, 1.0, drive);
     return (Moment){
-        .drive = drive_at(p, t),
-        .drive1 = p->drive[1] + t * (2.0 * p->drive[2] + t * 3.0 * p->drive[3]),
+        .drive = drive[0],
+        .drive1 = drive[1],
         .x = x,
         .v = v,
         .a = acceleration(p, t, x, v),

@@ -11,7 +11,7 @@ class HardeningSpring(SecondOrder):
 
     interface = INTERFACE
     model = Spring
-    names = Names("x", "v", "a", "E", "F", system="spring", effort="force", damping_time="m/c")
+    names = Names("x", "v", "a", "E", "F", system="spring", quantity="force", damping_time="m/c")
 
 
 SLAVE = HardeningSpring

@@ -12,7 +12,7 @@ VARIABLES = second_order(
     ),
     x_start=Variable("x_start", "Position", "parameter", "Initial position", 0.5, FINITE),
     v_start=Variable("v_start", "Velocity", "parameter", "Initial velocity", 0.0, FINITE),
-    drive=Variable("F", "Force", "input", "External force", 0.0, FINITE),
+    input=Variable("F", "Force", "input", "External force", 0.0, FINITE),
     x=Variable("x", "Position", "output", "Position"),
     v=Variable("v", "Velocity", "output", "Velocity (= der(x))"),
     a=Variable("a", "Acceleration", "output", "Acceleration (= der(v))"),

@@ -28,7 +28,7 @@ class Motion(NamedTuple):
     def acceleration(self) -> Acceleration:
         """Return der(v) [m/s2] as a function of x [m] and v [m/s]."""
         drive, drag, spring, cubic = self.coefficients()
-        return lambda x, v: drive + drag * v + spring * x + cubic * (x * x * x)
+        return lambda x, v: drive + drag * v + spring * x + cubic * x * x * x
 
     def partial_derivatives(self, x: float, v: float) -> tuple[float, float]:
         """Return those of der(v) with respect to x [1/s2] and v [1/s]."""
@@ -40,8 +40,8 @@ class Motion(NamedTuple):
     @staticmethod
     def terms() -> dict[str, str]:
         """Return the terms of `acceleration`, with phi for x and w for v."""
-        cube = "cubic * (phi * phi * phi)"
-        return {"drive": "drive", "drag": "drag * w", "spring": "spring * phi", "cubic": cube}
+        cubic = "cubic * phi * phi * phi"
+        return {"drive": "drive", "drag": "drag * w", "spring": "spring * phi", "cubic": cubic}
 
     @staticmethod
     def functions() -> dict[str, Callable[[float], float]]:
@@ -54,15 +54,16 @@ class Motion(NamedTuple):
         return inf  # the force rises with x
 
     def taylor_step(self, h: float, order: int) -> TaylorStep:
-        """Return x and v after `h` [s] as a function of them: x^3 is the product of the series of x^2 and x."""
+        """Return x and v after `h` [s] as a function of them; k3*x^3 is a product of series."""
         drive, drag, spring, cubic = self.coefficients()
 
         def step(x: float, v: float) -> tuple[float, float]:
-            positions, rates, squares = [x], [v], list[float]()
+            positions, rates, first, second = [x], [v], list[float](), list[float]()
             for k in range(order):
-                squares.append(convolution(positions, positions, k))
-                cube = convolution(squares, positions, k)
-                a = (drive if k == 0 else 0.0) + drag * rates[k] + spring * positions[k] + cubic * cube
+                first.append(cubic * positions[k])
+                second.append(convolution(first, positions, k))
+                third = convolution(second, positions, k)
+                a = (drive if k == 0 else 0.0) + drag * rates[k] + spring * positions[k] + third
                 positions.append(h / (k + 1) * rates[k])
                 rates.append(h / (k + 1) * a)
             return total(positions), total(rates)

@@ -39,7 +39,7 @@ static inline double model_acceleration(const Model *model, double drive, double
     double a = drive;
     if (model->damping_rate != 0.0) a -= model->damping_rate * v;
     if (model->w02 != 0.0) a -= model->w02 * x;
-    if (model->hardening != 0.0) a -= model->hardening * (x * x * x);
+    if (model->hardening != 0.0) a -= model->hardening * x * x * x;
     return a;
 }
 
@@ -53,17 +53,19 @@ static double model_longest_implicit_stage(const Model *model) {
     return INFINITY;
 }
 
-/* x^3 is the product of the series of x^2 and x. */
+/* k3*x^3 is a product of series, begun with k3, which may be 0 where x^3 is inf. */
 static inline void model_taylor_step(const Model *model, const double drive[MAX_INPUT_ORDER + 1], double h, double *x,
                                      double *v) {
     double positions[TAYLOR_ORDER + 1] = {*x};
     double rates[TAYLOR_ORDER + 1] = {*v};
-    double squares[TAYLOR_ORDER + 1];
+    double first[TAYLOR_ORDER + 1];
+    double second[TAYLOR_ORDER + 1];
     for (int k = 0; k < TAYLOR_ORDER; k++) {
-        squares[k] = convolution(positions, positions, k);
-        const double cube = convolution(squares, positions, k);
+        first[k] = model->hardening * positions[k];
+        second[k] = convolution(first, positions, k);
+        const double third = convolution(second, positions, k);
         const double held = k <= MAX_INPUT_ORDER ? drive[k] : 0.0;
-        const double a = held - model->damping_rate * rates[k] - model->w02 * positions[k] - model->hardening * cube;
+        const double a = held - model->damping_rate * rates[k] - model->w02 * positions[k] - third;
         const double ratio = h / (k + 1);
         positions[k + 1] = ratio * rates[k];
         rates[k + 1] = ratio * a;
@@ -86,7 +88,7 @@ static double model_partial_derivative(const Model *model, double drive, double 
     const double square = x * x;
     const double cube = square * x;
     switch (known) {
-    case VR_x: return of_a ? -model->w02 - 3.0 * model->hardening * x * x : model->k * x + model->k3 * cube;
+    case VR_x: return of_a ? -model->w02 - 3.0 * model->hardening * x * x : model->k * x + model->k3 * x * x * x;
     case VR_v: return of_a ? -model->damping_rate : model->m * v;
     case VR_F: return of_a ? 1.0 / model->m : 0.0;
     case VR_m: return of_a ? -model_acceleration(model, drive, x, v) / model->m : 0.5 * (v * v);
