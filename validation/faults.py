@@ -114,12 +114,17 @@ class Faulty(Fmu):
             self._made[key] = self._fmu.run(changed)
         return self._fault.gives(self._made[key])
 
+    def renew(self) -> None:
+        """Take a new instance."""
+        self._fmu.renew()
+
 
 def _key(experiment: Experiment) -> object:
     torque = experiment.torque
     times = experiment.times()
     held = None if torque is None else tuple(torque(t) for t in times[:-1])
-    return tuple(times), tuple(sorted(experiment.start.items())), tuple(experiment.record), held
+    start = tuple(sorted(experiment.start.items()))
+    return tuple(times), start, tuple(experiment.record), held, experiment.ends
 
 
 @dataclass(frozen=True)
