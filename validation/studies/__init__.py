@@ -24,6 +24,7 @@ NAMES = (
     "errata",
     "work_precision",
     "methods",
+    "atlas",
     "stability",
     "stiff_extreme",
 )

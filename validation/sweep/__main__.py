@@ -36,8 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         plan = _plan(options)
         _check(options)
+        store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
         with _executor(options, plan.common) as done_by:
-            store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
             begin = perf_counter()
             tally, reason = _sweep(plan, store, done_by)
     except (WrongUseError, UnusableFmuError) as error:

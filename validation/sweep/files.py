@@ -141,7 +141,6 @@ class Store:
         if self._written("rows") and bool(self._written("trajectories")) != bool(record):
             raise WrongUseError(f"{output} was written {'without' if record else 'with'} --record")
         self.done = self._read()
-        self._parts.mkdir(parents=True, exist_ok=True)
         self._number = max((int(path.name[-6:]) for path in self._parts.glob("rows-*")), default=0)
         self._clear()
 
@@ -198,6 +197,7 @@ class Store:
                 name: np.concatenate([trajectory[name] for _, trajectory in self._trajectories]).tolist()
                 for name in list(self._kinds["trajectories"])[1:]
             }
+        self._parts.mkdir(exist_ok=True)
         self._number += 1
         for kind in reversed(self._kinds):  # the rows last: they say that the part is whole
             partial = self._parts / f"{kind}.partial"
@@ -208,8 +208,7 @@ class Store:
     def close(self) -> None:
         """Join the parts with what was there."""
         self._flush()
-        if not any(self._parts.iterdir()):
-            self._parts.rmdir()
+        if not self._parts.exists():
             return
         for kind, kinds in self._kinds.items():
             self._format.join(self._written(kind), kinds, self._parts / f"{kind}.partial")

@@ -20,7 +20,8 @@ Row = dict[str, Cell]
 Trajectory = dict[str, Array]
 
 SMALL = 1e-8  # amplitude [rad] up to which sin(phi) is phi to a relative 2e-17, less than the half of a last digit
-LONGEST = 1e4  # damping times that a Taylor series follows: its steps are a fraction of one
+FARTHEST = 500.0  # angle [rad] that a Taylor series follows: as many digits more are needed for its sine
+LONGEST = 1e4  # damping times that it follows: its steps are a fraction of one
 
 
 def columns(common: Common) -> dict[str, type]:
@@ -114,7 +115,8 @@ def answer(given: Mapping[str, float], t: float, with_series: bool) -> tuple[str
                 return _finite("linear", free_evolution(t, phi0, rate0, k2, w02))
             if drive == 0 and w02 > 0 and k2 == 0:
                 return _finite("elliptic", motion(t, phi0, rate0, w02))
-            if with_series and max(k2, sqrt(abs(w02)), abs(rate0)) * t <= LONGEST:
+            farthest = abs(phi0) + (abs(rate0) + 2 * sqrt(abs(w02))) * t + abs(drive) * t * t / 2
+            if with_series and farthest <= FARTHEST and k2 * t <= LONGEST:
                 phi, w = series([0.0, t], phi0, rate0, k2, w02, drive)
                 return _finite("series", (phi[-1], w[-1]))
     except (ArithmeticError, ValueError):  # beyond what the reference can be computed for

@@ -115,6 +115,7 @@ class ByValue:
         self._pickled = cloudpickle.dumps(function)
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call the function."""
         return self._function(*arguments)
 
     def __reduce__(self) -> tuple[Callable[[bytes], Any], tuple[bytes]]:
