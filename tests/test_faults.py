@@ -23,6 +23,7 @@ UNUSED = {
     "errata": {*TORQUE, *MESSAGES, "NaN in a"},
     "work_precision": {"NaN in a", "NaN in E"},
     "methods": {*MESSAGES, "NaN in a"},
+    "atlas": {*DRAG, *TORQUE, *MESSAGES},
     "stability": {*TORQUE, "NaN in a"},
     "stiff_extreme": set(),
 }

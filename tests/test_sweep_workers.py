@@ -94,7 +94,7 @@ def command(*arguments: str | Path, **options: Any) -> subprocess.CompletedProce
 
 
 def test_each_row_is_there_once_when_a_worker_is_killed(native_path: Path, cluster: Cluster) -> None:
-    asked = plan(native_path, "phi_start=10:170:200:deg", "gamma=-1,0,0.002")
+    asked = plan(native_path, "phi_start=10:170:400:deg", "gamma=-1,0,0.002", stop=10.0)
     with workers.remote(cluster.address) as client:
         client.wait_for_workers(2, timeout=PATIENCE)
         victims = {info["name"]: address for address, info in client.scheduler_info()["workers"].items()}
@@ -215,11 +215,15 @@ def test_control_c_leaves_a_whole_file_and_no_noise(native_path: Path, tmp_path:
     )
     parts = output.with_name("rows.parquet.parts")
     end = time.monotonic() + PATIENCE
-    while not parts.exists():
-        assert time.monotonic() < end
-        time.sleep(0.05)
-    os.killpg(started.pid, signal.SIGINT)  # as a terminal does
-    said, complained = started.communicate(timeout=PATIENCE)
+    try:
+        while not parts.exists():
+            assert started.poll() is None, started.communicate()
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        os.killpg(started.pid, signal.SIGINT)  # as a terminal does
+        said, complained = started.communicate(timeout=PATIENCE)
+    finally:
+        started.kill()
     assert started.returncode == 130
     assert complained == "python -m validation.sweep: interrupted; --resume goes on\n"
     written = int(said.split(" of ")[0])

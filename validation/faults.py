@@ -103,7 +103,7 @@ class Faulty(Fmu):
     """An FMU with a fault; runs that are the same are made once."""
 
     def __init__(self, fmu: Fmu, fault: Fault, made: dict[object, Run]) -> None:
-        self.path, self.native = fmu.path, fmu.native
+        self.path, self.native, self.description = fmu.path, fmu.native, fmu.description
         self._fmu, self._fault, self._made = fmu, fault, made
 
     def run(self, experiment: Experiment) -> Run:

@@ -7,12 +7,13 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from time import perf_counter
+from typing import Self
 
 from ..__main__ import Parser
 from ..fmu import DEFAULT_PATH, OUTPUTS, Fmu, UnusableFmuError, describe
@@ -37,12 +38,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         plan = _plan(options)
         _check(options)
         store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
-        with _executor(options, plan.common) as done_by:
+        with Interrupts() as interrupts, _executor(options, plan.common) as done_by:
             begin = perf_counter()
-            tally, reason = _sweep(plan, store, done_by)
+            tally, reason = _sweep(plan, store, done_by, interrupts)
+            spent = perf_counter() - begin
+    except KeyboardInterrupt:
+        parser.exit(INTERRUPTED, f"{parser.prog}: interrupted\n")
     except (WrongUseError, UnusableFmuError) as error:
         parser.error(str(error))
-    spent = perf_counter() - begin
     print(f"{tally} in {spent:.1f} s: {options.output}")
     if reason is None:
         return 0
@@ -148,6 +151,36 @@ def _executor(options: argparse.Namespace, common: Common) -> Iterator[Executor]
         yield lambda runs: workers.outcomes(client, options.fmu, common, runs)
 
 
+class Interrupts:
+    """Ctrl-C, and SIGTERM, which ends batch jobs, as KeyboardInterrupt; while they are held they wait."""
+
+    def __init__(self) -> None:
+        self._held = self._waiting = False
+
+    def __enter__(self) -> Self:
+        self._before = {one: signal.signal(one, self._arrived) for one in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for one, handler in self._before.items():
+            signal.signal(one, handler)
+
+    def _arrived(self, *_: object) -> None:
+        if not self._held:
+            raise KeyboardInterrupt
+        self._waiting = True
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Let them wait."""
+        self._held = True
+        yield
+        self._held = False
+        if self._waiting:
+            self._waiting = False
+            raise KeyboardInterrupt
+
+
 @dataclass
 class Tally:
     """What a sweep did."""
@@ -158,13 +191,21 @@ class Tally:
     failed: int = 0
     warned: int = 0
 
+    def add(self, row: Row) -> None:
+        """Count a row."""
+        self.written += 1
+        self.failed += bool(row["failure"])
+        self.warned += bool(row["warnings"])
+
     def __str__(self) -> str:
         there = f", {self.there} were there" if self.there else ""
         notes = f"{self.failed} failed, {self.warned} with a warning"
         return f"{self.written} of {self.planned} runs ({notes}){there}"
 
 
-def _sweep(plan: Plan, store: Store, done_by: Executor) -> tuple[Tally, BaseException | None]:
+def _sweep(
+    plan: Plan, store: Store, done_by: Executor, interrupts: Interrupts
+) -> tuple[Tally, BaseException | None]:
     """Write the rows that are not there; return what was done, and why it is not all."""
     tally = Tally(plan.count)
     with screen.progress() as progress:
@@ -182,18 +223,17 @@ def _sweep(plan: Plan, store: Store, done_by: Executor) -> tuple[Tally, BaseExce
         try:
             with closing(done_by(missing())) as done:
                 for row, trajectory in done:
-                    store.add(row, trajectory)
-                    tally.written += 1
-                    tally.failed += bool(row["failure"])
-                    tally.warned += bool(row["warnings"])
+                    with interrupts.held():
+                        store.add(row, trajectory)
+                        tally.add(row)
                     progress.update(task, advance=1, description=f"{tally.failed} failed")
         except (BrokenError, KeyboardInterrupt) as error:
             reason = error
         finally:
-            store.close()
+            with suppress(KeyboardInterrupt), interrupts.held():
+                store.close()
     return tally, reason
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what ends a batch job keeps its rows, too
     sys.exit(main())
