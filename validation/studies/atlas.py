@@ -29,8 +29,8 @@ FORMULA = (
 AMPLITUDES = (1, 10, 30, 60, 90, 120, 150, 170, 179, 179.9)  # [deg]
 END = 2.0  # about a small period [s]
 STEPS = tuple(2**i for i in range(1, 11))  # substeps in it
-JUDGED = tuple(n for n in STEPS if n <= 64)  # more only round more
-ROUNDS = 3  # of which the shortest times are shown
+JUDGED = AMPLITUDES[1::2], tuple(n for n in STEPS if n <= 64)  # more only round more
+ROUNDS = 2  # of which the shorter times are shown
 LINEAR = 1e-6  # round-off [rad] up to which its growth is that of a small change
 
 
@@ -43,13 +43,13 @@ class Cell:
     rounding: float
 
 
-def sweep(fmu: Fmu) -> list[Row]:
-    """Return the rows of all methods, amplitudes and steps."""
+def sweep(fmu: Fmu, amplitudes: Sequence[float], steps: Sequence[int]) -> list[Row]:
+    """Return the rows of all methods, of `amplitudes` [deg] and of numbers of substeps."""
     known = interface(fmu.description)
     axes = (
         "solver.method=" + ",".join(method.name for method in SolverMethod),
-        "phi_start=" + ",".join(map(str, AMPLITUDES)) + ":deg",
-        "solver.stepSize=" + ",".join(repr(END / n) for n in STEPS),
+        "phi_start=" + ",".join(map(str, amplitudes)) + ":deg",
+        "solver.stepSize=" + ",".join(repr(END / n) for n in steps),
         "gamma=0",
     )
     names, _, runs = of_axes([axis(text, known) for text in axes])
@@ -108,14 +108,18 @@ def _number(row: Row, name: str) -> float:
     return value if isinstance(value, float) else nan
 
 
+def _motions(fmu: Fmu) -> Iterator[Result]:
+    """Hold each method's motions, and the errors in the rows of the sweep, against those of the discrete one."""
+    rows = sweep(fmu, *JUDGED)
+    for method in SolverMethod:
+        yield from _judged(method, [row for row in rows if row["solver.method"] == method.name])
+
+
 def _judged(method: SolverMethod, rows: Sequence[Row]) -> Iterator[Check]:
-    """Yield how a method's motions, and the errors in the rows of the sweep, differ from those of the discrete one."""
     motions, errors = [], []
     for row in rows:
         n, amplitude = round(END / _number(row, "solver.stepSize")), _number(row, "phi_start")
-        if n not in JUDGED or _is_divided(method, END / n):
-            continue
-        if (expected := cell(method, amplitude, n)).rounding > LINEAR:
+        if _is_divided(method, END / n) or (expected := cell(method, amplitude, n)).rounding > LINEAR:
             continue
         phi, rate = _number(row, "phi"), _number(row, "w") / W0
         motions.append(hypot(phi - expected.phi, rate - expected.rate) / expected.rounding)
@@ -131,12 +135,11 @@ def _judged(method: SolverMethod, rows: Sequence[Row]) -> Iterator[Check]:
 
 
 def _atlas(fmu: Fmu) -> Iterator[Result]:
-    """Run the sweep, judge it by method, and draw it."""
-    rows, *repeated = (sweep(fmu) for _ in range(ROUNDS))
+    """Draw the errors and times of all methods."""
+    rows, *repeated = (sweep(fmu, AMPLITUDES, STEPS) for _ in range(ROUNDS))
     maps = []
     for method in SolverMethod:
         of_method = [i for i, row in enumerate(rows) if row["solver.method"] == method.name]
-        yield from _judged(method, [rows[i] for i in of_method])
         shape = len(AMPLITUDES), len(STEPS)
         errors = [_number(rows[i], "error") for i in of_method]
         seconds = [min(_number(some[i], "seconds") for some in (rows, *repeated)) for i in of_method]
@@ -162,4 +165,4 @@ def _atlas(fmu: Fmu) -> Iterator[Result]:
     )
 
 
-SCENES = (Case("atlas", _atlas),)
+SCENES = (Case("motions", _motions), Case("atlas", _atlas))
