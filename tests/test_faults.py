@@ -27,6 +27,7 @@ UNUSED = {
     "methods": {*MESSAGES, "NaN in a"},
     "stability": {*TORQUE, "substep x 2", "substep x 1.1", "NaN in a", "NaN in E"},  # single steps
     "traps": {*TORQUE, *MESSAGES, "NaN in a", "NaN in E"},
+    "atlas": {*DRAG, *TORQUE, *MESSAGES},
     "stiff_extreme": set(),
 }
 RK4_ROWS = ("elliptic_period", "trajectory", "crawford")

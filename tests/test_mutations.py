@@ -44,6 +44,7 @@ CAUGHT = {
     "errata": tuple(MUTATIONS),
     "work_precision": tuple(MUTATIONS),
     "methods": tuple(MUTATIONS),
+    "atlas": ON_MOTION,
     "stability": ON_DRAG,
     "traps": ON_DRAG,
     "stiff_extreme": tuple(MUTATIONS),

@@ -128,6 +128,39 @@ class Plot:
 
 
 @dataclass(frozen=True)
+class Map:
+    """A panel of `Maps`: rows of values, and of a second quantity."""
+
+    title: str
+    values: ArrayLike
+    others: ArrayLike
+
+
+@dataclass(frozen=True)
+class Maps:
+    """A picture of panels over the same plane: colours for positive values, and below for the second quantity.
+
+    Attributes
+    ----------
+    x, y : the coordinates of the cells
+    span_of_values, span_of_others : least and largest that has a colour; what is larger, or no number, is crossed out
+    note : the caption: what to see in it
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    x: Sequence[float]
+    y: Sequence[float]
+    panels: Sequence[Map]
+    label_of_values: str
+    span_of_values: tuple[float, float]
+    label_of_others: str
+    span_of_others: tuple[float, float]
+    note: str = ""
+
+
+@dataclass(frozen=True)
 class Note:
     """A conclusion in plain words."""
 
@@ -135,4 +168,4 @@ class Note:
     headline: bool = False
 
 
-Result = Check | Table | Plot | Note
+Result = Check | Table | Plot | Maps | Note

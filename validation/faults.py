@@ -107,7 +107,8 @@ class Faulty(Fmu):
     """An FMU with a fault; runs that are the same are made once."""
 
     def __init__(self, fmu: Fmu, fault: Fault, made: dict[object, Run]) -> None:
-        self.path, self.native, self.interpolates = fmu.path, fmu.native, fmu.interpolates
+        self.path, self.description = fmu.path, fmu.description
+        self.native, self.interpolates = fmu.native, fmu.interpolates
         self._fmu, self._fault, self._made = fmu, fault, made
 
     def run(self, experiment: Experiment) -> Run:
@@ -118,13 +119,18 @@ class Faulty(Fmu):
             self._made[key] = self._fmu.run(changed)
         return self._fault.gives(self._made[key])
 
+    def renew(self) -> None:
+        """Take a new instance."""
+        self._fmu.renew()
+
 
 def _key(experiment: Experiment) -> object:
     torque = experiment.torque
     times = experiment.times()
     held = None if torque is None else tuple(torque(t) for t in times[:-1])
     cubics = None if experiment.inputs is None else experiment.inputs.tobytes()
-    return tuple(times), tuple(sorted(experiment.start.items())), tuple(experiment.record), held, cubics
+    start = tuple(sorted(experiment.start.items()))
+    return tuple(times), start, tuple(experiment.record), held, cubics, experiment.ends
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import nan, pi, radians, sqrt
 from pathlib import Path
 from types import TracebackType
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import fmpy
 import numpy as np
@@ -70,6 +70,7 @@ class Experiment:
     points : communication points [s] instead of those from `begin` to `stop`
     inputs : tau [N.m] and its first three derivatives by time at the beginning of each communication step, a row
         each, instead of `torque`; for an FMU that interpolates
+    ends : record at the first and the last communication point alone
     """
 
     stop: float
@@ -80,6 +81,7 @@ class Experiment:
     begin: float = 0.0
     points: Sequence[float] | None = None
     inputs: NDArray[np.float64] | None = None
+    ends: bool = False
 
     def times(self) -> list[float]:
         """Return the communication points [s], formed without accumulation."""
@@ -112,46 +114,78 @@ Host = Callable[..., int]
 """A compiled importer, see race/host.c."""
 
 
+def describe(path: Path) -> Any:
+    """Return the model description of the FMU of this project.
+
+    Raises
+    ------
+    UnusableFmuError : no such file, no FMU, or one of another interface
+    """
+    if not path.is_file():
+        raise UnusableFmuError(f"{path} does not exist: build it with python build_fmu.py")
+    try:
+        description = fmpy.read_model_description(str(path))
+    except Exception as error:  # FMPy raises many kinds
+        reason = str(error).split("\n", 1)[0]
+        raise UnusableFmuError(f"{path} is not a readable FMU: {reason}") from None
+    known = {variable.name for variable in description.modelVariables}
+    missing = [name for name in (*PARAMETERS, "tau", *OUTPUTS, EVALUATIONS) if name not in known]
+    if missing:
+        raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
+    return description
+
+
+class _Log:
+    """What the FMUs of this process log; a pickled one begins anew in the other process.
+
+    FMPy hands all that is logged in the process to the logger of the FMU that was instantiated last, freed or not.
+    """
+
+    def __init__(self) -> None:
+        self.messages: list[tuple[int, str]] = []
+        self.last: Any = None  # the callbacks of that FMU
+
+    def __reduce__(self) -> tuple[type[_Log], tuple[()]]:
+        return _Log, ()
+
+    def add(self, _: Any, __: bytes, status: int, ___: bytes, message: bytes) -> None:
+        self.messages.append((status, message.decode()))
+
+
+_LOG = _Log()
+
+
 class Fmu:
     """The built FMU, extracted and instantiated once.
 
     `native` says that it needs no Python, `interpolates` that it takes derivatives of its input.
+
+    It is extracted into `folder`, which must not exist, or into a temporary one.
 
     Raises
     ------
     UnusableFmuError : no such file, no FMU, or one of another interface
     """
 
-    # FMPy hands all that is logged in the process to the logger of the FMU that was instantiated last, freed or not.
-    _messages: ClassVar[list[tuple[int, str]]] = []
-    _loggers: ClassVar[list[Any]] = []
-
-    def __init__(self, path: Path = DEFAULT_PATH) -> None:
+    def __init__(self, path: Path = DEFAULT_PATH, folder: Path | None = None) -> None:
         self.path = path
-        if not path.is_file():
-            raise UnusableFmuError(f"{path} does not exist: build it with python build_fmu.py")
-        try:
-            self.description = fmpy.read_model_description(str(path))
-        except Exception as error:  # FMPy raises many kinds
-            reason = str(error).split("\n", 1)[0]
-            raise UnusableFmuError(f"{path} is not a readable FMU: {reason}") from None
+        self.description = describe(path)
         self._reference = {v.name: v.valueReference for v in self.description.modelVariables}
-        missing = [
-            name for name in (*PARAMETERS, "tau", *OUTPUTS, EVALUATIONS) if name not in self._reference
-        ]
-        if missing:
-            raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
         self.native = not self.description.coSimulation.needsExecutionTool
         self.interpolates = bool(self.description.coSimulation.canInterpolateInputs)
-        self._folder = fmpy.extract(str(path))
-        self._slave = fmpy.instantiate_fmu(
-            self._folder, self.description, "CoSimulation", debug_logging=True, logger=Fmu._log
-        )
-        self._loggers.append(self._slave.callbacks)
+        self._folder = fmpy.extract(str(path), folder)
+        self._instantiate()
 
-    @staticmethod
-    def _log(_: Any, __: bytes, status: int, ___: bytes, message: bytes) -> None:
-        Fmu._messages.append((status, message.decode()))
+    def _instantiate(self) -> None:
+        self._slave = fmpy.instantiate_fmu(
+            self._folder, self.description, "CoSimulation", debug_logging=True, logger=_LOG.add
+        )
+        _LOG.last = self._slave.callbacks
+
+    def renew(self) -> None:
+        """Take a new instance."""
+        self._slave.freeInstance()
+        self._instantiate()
 
     def __enter__(self) -> Self:
         return self
@@ -188,8 +222,10 @@ class Fmu:
         times = experiment.times()
         read = self._reader(experiment.record)
         set_torque = self._torque_setter(experiment)
+        at_each = bool(experiment.record) and not experiment.ends
         rows: list[list[float]] = []
-        self._messages.clear()
+        reached = times[0]
+        _LOG.messages.clear()
         with redirect_stderr(io.StringIO()):  # the reasons of failures are in the log, too
             slave.reset()
             slave.setupExperiment(startTime=times[0])
@@ -203,25 +239,28 @@ class Fmu:
                 seconds = self._loop_of(host, experiment, times, rows)
             else:
                 begin = clock()
-                for i, (now, then) in enumerate(pairwise(times)) if ready else ():
+                for i, (now, reached) in enumerate(pairwise(times)) if ready else ():
                     if set_torque is not None:
                         set_torque(i, now)
-                    if do_step(component, now, then - now, fmi2True) > fmi2Warning:
+                    if do_step(component, now, reached - now, fmi2True) > fmi2Warning:
                         rows.append([nan] * len(experiment.record))
                         break
-                    if experiment.record:
+                    if at_each:
+                        rows.append(read())
+                else:
+                    if experiment.ends and ready:
                         rows.append(read())
                 seconds = clock() - begin
             nfev = slave.getInteger([self._reference[EVALUATIONS]])[0]
-        failure = next((text for status, text in self._messages if status > fmi2Warning), "")
+        failure = next((text for status, text in _LOG.messages if status > fmi2Warning), "")
         table = np.array(rows, dtype=float).reshape(len(rows), len(experiment.record))
         return Run(
-            t=np.array(times[: len(rows)]),
+            t=np.array([times[0], reached][: len(rows)] if experiment.ends else times[: len(rows)]),
             columns={name: table[:, i] for i, name in enumerate(experiment.record)},
             seconds=seconds,
             nfev=nfev,
             failure=failure,
-            warnings=[text for status, text in self._messages if status == fmi2Warning],
+            warnings=[text for status, text in _LOG.messages if status == fmi2Warning],
         )
 
     def _loop_of(

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..checks import About, Check, Curve, Plot
+from ..checks import About, Check, Curve, Maps, Plot
 from .section import Section
 
 INK = "#010203"  # of axes and text; in a page it is the colour of the text around the picture
@@ -55,14 +56,19 @@ WIDEST = 1e6  # margins beyond it are drawn at this one
 KINDS = {About.FMU: ("o", "#2f7fd1"), About.FORMULAS: ("x", "#8a8a8a"), About.TIMES: ("^", "#d0552b")}
 
 
-def svg(plot: Plot) -> str:
+def svg(plot: Plot | Maps) -> str:
     """Return a picture as an element of a page; it is the same for the same data."""
-    return _element(_draw(plot, "svg", {"svg.hashsalt": plot.title}, {"Date": None, "Creator": None}))
+    return _element(_drawn(plot, "svg", {"svg.hashsalt": plot.title}, {"Date": None, "Creator": None}))
 
 
-def png(plot: Plot) -> bytes:
+def png(plot: Plot | Maps) -> bytes:
     """Return a picture as a PNG file."""
-    return _draw(plot, "png", {"savefig.facecolor": "white"}, {"Software": None})
+    return _drawn(plot, "png", {"savefig.facecolor": "white"}, {"Software": None})
+
+
+def _drawn(plot: Plot | Maps, kind: str, style: dict[str, Any], metadata: dict[str, Any]) -> bytes:
+    with _pyplot().rc_context(STYLE | style):
+        return _saved(_maps(plot) if isinstance(plot, Maps) else _plot(plot), kind, metadata)
 
 
 def _element(data: bytes) -> str:
@@ -86,38 +92,76 @@ def _saved(figure: Any, kind: str, metadata: dict[str, Any]) -> bytes:
     return buffer.getvalue()
 
 
-def _draw(plot: Plot, kind: str, style: dict[str, Any], metadata: dict[str, Any]) -> bytes:
+def _plot(plot: Plot) -> Any:
+    panels = 2 if plot.below else 1
+    figure, axes = _pyplot().subplots(
+        panels,
+        1,
+        figsize=(9.0, 4.4 if panels == 1 else 6.4),
+        dpi=110,
+        layout="constrained",
+        sharex=True,
+        squeeze=False,
+        height_ratios=(3, 2)[:panels],
+    )
+    upper, lower = axes[0, 0], axes[-1, 0]
+    if plot.shade is not None:
+        x, y, values = plot.shade
+        shaded = np.ma.masked_equal(
+            np.asarray(values, dtype=float), 0.0
+        )  # the rest stays the colour of the page
+        upper.pcolormesh(x, y, shaded, cmap="Greys", vmin=0.0, vmax=2.0, shading="nearest", rasterized=True)
+    _curves(upper, plot.curves, plot.logarithmic)
+    upper.set(title=plot.title, ylabel=plot.y_label)
+    if plot.y_range is not None:
+        upper.set_ylim(*plot.y_range)
+    if plot.below:
+        _curves(lower, plot.below, plot.logarithmic.replace("y", "") + plot.below_logarithmic)
+        lower.set_ylabel(plot.below_label)
+    lower.set_xlabel(plot.x_label)
+    return figure
+
+
+COLUMNS = 4  # of panels
+
+
+def _maps(plot: Maps) -> Any:
+    """Return panels of cells, which are as wide and high as each other whatever lies between their coordinates."""
     pyplot = _pyplot()
-    with pyplot.rc_context(STYLE | style):
-        panels = 2 if plot.below else 1
-        figure, axes = pyplot.subplots(
-            panels,
-            1,
-            figsize=(9.0, 4.4 if panels == 1 else 6.4),
-            dpi=110,
-            layout="constrained",
-            sharex=True,
-            squeeze=False,
-            height_ratios=(3, 2)[:panels],
-        )
-        upper, lower = axes[0, 0], axes[-1, 0]
-        if plot.shade is not None:
-            x, y, values = plot.shade
-            shaded = np.ma.masked_equal(
-                np.asarray(values, dtype=float), 0.0
-            )  # the rest stays the colour of the page
-            upper.pcolormesh(
-                x, y, shaded, cmap="Greys", vmin=0.0, vmax=2.0, shading="nearest", rasterized=True
-            )
-        _curves(upper, plot.curves, plot.logarithmic)
-        upper.set(title=plot.title, ylabel=plot.y_label)
-        if plot.y_range is not None:
-            upper.set_ylim(*plot.y_range)
-        if plot.below:
-            _curves(lower, plot.below, plot.logarithmic.replace("y", "") + plot.below_logarithmic)
-            lower.set_ylabel(plot.below_label)
-        lower.set_xlabel(plot.x_label)
-        return _saved(figure, kind, metadata)
+    rows = -(-len(plot.panels) // COLUMNS)
+    figure = pyplot.figure(figsize=(9.0, 4.2 * rows), dpi=110, layout="constrained")
+    blocks = figure.subfigures(2, 1)
+    for block, name in zip(blocks, ("values", "others"), strict=True):
+        label, span = getattr(plot, f"label_of_{name}"), getattr(plot, f"span_of_{name}")
+        block.set_facecolor("none")
+        axes = block.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False)
+        for axis, panel in zip(axes.flat, plot.panels, strict=True):
+            cells = _cells(axis, np.asarray(getattr(panel, name), dtype=float), span)
+            axis.set_title(panel.title, fontsize="small")
+            axis.set_xticks(range(0, len(plot.x), 3), [f"{value:.2g}" for value in plot.x[::3]])
+            axis.set_yticks(range(0, len(plot.y), 2), [f"{value:g}" for value in plot.y[::2]])
+            axis.tick_params(labelsize="small")
+        block.supxlabel(plot.x_label, fontsize="medium", color=INK)
+        block.supylabel(plot.y_label, fontsize="medium", color=INK)
+        block.colorbar(cells, ax=axes, label=label, fraction=0.03)
+    figure.suptitle(plot.title, fontsize="medium")
+    return figure
+
+
+def _cells(axis: Any, values: NDArray[np.float64], span: tuple[float, float]) -> Any:
+    """Draw a panel; what is beyond the span, or no number, is crossed out."""
+    lost = ~(values <= span[1])
+    shown = np.ma.masked_array(np.maximum(values, span[0]), lost)
+    axis.plot(*np.nonzero(lost)[::-1], "x", color=INK, markersize=4)
+    norm = _pyplot().matplotlib.colors.LogNorm(*span)
+    return axis.pcolormesh(
+        np.arange(values.shape[1]),
+        np.arange(values.shape[0]),
+        shown,
+        cmap="viridis",
+        norm=norm,
+        rasterized=True,
+    )
 
 
 def _curves(axes: Any, curves: Sequence[Curve], logarithmic: str) -> None:

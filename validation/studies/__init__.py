@@ -25,6 +25,7 @@ NAMES = (
     "inputs",
     "stiff_extreme",
     "work_precision",
+    "atlas",
     "crawford",
     "grillo",
     "errata",

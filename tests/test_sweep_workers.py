@@ -1,0 +1,231 @@
+"""Sweeps on Dask: each row once whoever dies, on workers that know nothing of this project."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import dask
+import pytest
+
+import build_fmu
+from tests.test_sweep import rows_of, same
+from validation.fmu import Experiment, Fmu, describe
+from validation.sweep import workers
+from validation.sweep.errors import BrokenError, WrongUseError
+from validation.sweep.interface import interface
+from validation.sweep.plan import Common, Plan, axis, of_axes
+
+ROOT = Path(__file__).resolve().parent.parent
+PATIENCE = 60.0  # for processes to start on a busy machine [s]
+
+
+def plan(fmu: Path, *axes: str, stop: float = 1.0, interval: float = 0.01) -> Plan:
+    known = interface(describe(fmu))
+    names, count, runs = of_axes([axis(text, known) for text in axes])
+    return Plan(Common(known, names, stop, interval), count, runs)
+
+
+@contextmanager
+def process(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Yield a program of Dask that runs in a folder of its own, where nothing of this project can be imported."""
+    folder.mkdir()
+    with (folder / "log").open("wb") as log:
+        started = subprocess.Popen(
+            [sys.executable, "-m", "dask", *arguments], cwd=folder, stdout=log, stderr=subprocess.STDOUT
+        )
+    try:
+        yield started
+    finally:
+        started.kill()
+        started.wait()
+
+
+class Cluster:
+    """A scheduler and two workers on loopback, which share no folder."""
+
+    def __init__(self, folder: Path, stack: ExitStack) -> None:
+        file = folder / "scheduler.json"
+        where = ("--scheduler-file", str(file))
+        scheduler = ("--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0")
+        self.scheduler = stack.enter_context(process(folder / "scheduler", "scheduler", *where, *scheduler))
+        self.workers = [
+            stack.enter_context(
+                process(
+                    folder / name,
+                    *("worker", *where, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--name", name),
+                    *("--local-directory", str(folder / name)),
+                )
+            )
+            for name in ("one", "two")
+        ]
+        self.folder = folder
+        end = time.monotonic() + PATIENCE
+        while not file.exists() or not file.read_text("utf-8"):
+            assert time.monotonic() < end, (folder / "scheduler" / "log").read_text("utf-8")
+            time.sleep(0.05)
+        self.address: str = json.loads(file.read_text("utf-8"))["address"]
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    with ExitStack() as stack:
+        folder = tmp_path / "cluster"
+        folder.mkdir()
+        yield Cluster(folder, stack)
+
+
+def command(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-m", "validation.sweep", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+        **options,
+    )
+
+
+def test_each_row_is_there_once_when_a_worker_is_killed(native_path: Path, cluster: Cluster) -> None:
+    asked = plan(native_path, "phi_start=10:170:400:deg", "gamma=-1,0,0.002", stop=10.0)
+    with workers.remote(cluster.address) as client:
+        client.wait_for_workers(2, timeout=PATIENCE)
+        victims = {info["name"]: address for address, info in client.scheduler_info()["workers"].items()}
+        killed_with = 0
+        rows = []
+        for row, _ in workers.outcomes(client, native_path, asked.common, asked.runs()):
+            rows.append(row)
+            if not killed_with and len(rows) > 20:
+                killed_with = len(client.processing()[victims["one"]])
+                if killed_with:
+                    os.kill(cluster.workers[0].pid, signal.SIGKILL)
+        left = client.nthreads()
+    assert killed_with > 0
+    assert list(left) == [victims["two"]]
+    assert [row["run"] for row in rows] == [asked.common.identity(values) for values in asked.runs()]
+    assert [bool(row["failure"]) for row in rows] == [row["gamma"] == -1 for row in rows]
+    # What is left of the sweep on the disks of the workers is that of the killed one.
+    assert list((cluster.folder / "two").rglob("sweep*")) == []
+
+
+def test_the_numbers_are_the_same_here_on_a_cluster_and_without_dask(
+    native_path: Path, cluster: Cluster, tmp_path: Path
+) -> None:
+    axes = ("phi_start=10:170:4:deg", "solver.method=ExplicitRungeKutta4,SDIRK4", "gamma=-1,0,0.002")
+    options = (*axes, "--fmu", native_path, "--stop-time", "1", "--output-interval", "0.01")
+    here = command(*options, "--output", tmp_path / "here.csv", "--jobs", "2")
+    there = command(*options, "--output", tmp_path / "there.parquet", "--scheduler", cluster.address)
+    for done in (here, there):
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.startswith("24 of 24 runs (8 failed, 0 with a warning)")
+        assert done.stderr.replace(f"{cluster.address} has no workers yet\n", "") == ""
+    rows = rows_of(tmp_path / "here.csv")
+    assert same(rows, rows_of(tmp_path / "there.parquet"))
+    with Fmu(native_path) as fmu:
+        for row in rows:
+            method = 3 if row["solver.method"] == "ExplicitRungeKutta4" else 7
+            start = {"phi_start": row["phi_start"], "gamma": row["gamma"], "solver.method": method}
+            run = fmu.run(Experiment(1.0, 0.01, start, record=("phi", "w", "a", "E")))
+            if row["failure"]:
+                assert row["failure"] == run.failure
+            else:
+                assert [row[name] for name in run.columns] == [column[-1] for column in run.columns.values()]
+
+
+def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
+    native_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "PATIENCE", 0.5)
+    with (
+        pytest.raises(WrongUseError, match=r"--scheduler 127\.0\.0\.1:1: .*connect"),
+        workers.remote("127.0.0.1:1"),
+    ):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lost_scheduler_ends_the_sweep_with_its_reason(native_path: Path, cluster: Cluster) -> None:
+    asked = plan(native_path, "phi_start=10:170:1000:deg")
+    rows = []
+    with workers.remote(cluster.address) as client:
+        client.wait_for_workers(1, timeout=PATIENCE)
+        done = workers.outcomes(client, native_path, asked.common, asked.runs())
+        rows += [next(done) for _ in range(5)]
+        cluster.scheduler.kill()
+        with pytest.raises(BrokenError, match="Error"):
+            rows += done
+    assert len(rows) < 1000
+
+
+DEADLY = (
+    "            drive = tau / J\n",
+    "            drive = tau / J if self.gamma != 0.25 else __import__('os')._exit(3)\n",
+)
+
+
+@pytest.fixture(scope="module")
+def deadly(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return an FMU that ends its process where gamma is 0.25."""
+    folder = tmp_path_factory.mktemp("deadly")
+    shutil.copytree(build_fmu.SOURCES, folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    model = folder / "src" / "damped_pendulum" / "model.py"
+    text = model.read_text("utf-8")
+    assert text.count(DEADLY[0]) == 1
+    model.write_text(text.replace(*DEADLY), "utf-8")
+    return build_fmu.build(folder / "deadly.fmu", folder / "src")
+
+
+def test_a_run_that_ends_its_process_is_a_row(deadly: Path) -> None:
+    asked = plan(deadly, "gamma=0:0.5:11", stop=0.1)
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}), workers.local(1) as client:
+        rows = [row for row, _ in workers.outcomes(client, deadly, asked.common, asked.runs())]
+    assert sorted(row["run"] for row in rows) == sorted(map(asked.common.identity, asked.runs()))
+    failures = {row["gamma"]: row["failure"] for row in rows if row["failure"]}
+    assert failures == {0.25: "the process of the worker ended while the run was under way"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process groups")
+def test_control_c_leaves_a_whole_file_and_no_noise(native_path: Path, tmp_path: Path) -> None:
+    output = tmp_path / "rows.parquet"
+    options = (
+        "phi_start=10:170:100000:deg",
+        "--fmu",
+        native_path,
+        "--output",
+        output,
+        "--jobs",
+        "1",
+        "--record",
+        "phi",
+    )
+    started = subprocess.Popen(
+        [sys.executable, "-W", "error", "-m", "validation.sweep", *options],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    parts = output.with_name("rows.parquet.parts")
+    end = time.monotonic() + PATIENCE
+    try:
+        while not parts.exists():
+            assert started.poll() is None, started.communicate()
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        os.killpg(started.pid, signal.SIGINT)  # as a terminal does
+        said, complained = started.communicate(timeout=PATIENCE)
+    finally:
+        started.kill()
+    assert started.returncode == 130
+    assert complained == "python -m validation.sweep: interrupted; --resume goes on\n"
+    written = int(said.split(" of ")[0])
+    assert len(rows_of(output)) == written > 0
+    assert not parts.exists()

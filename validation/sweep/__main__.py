@@ -1,0 +1,239 @@
+"""python -m validation.sweep: many runs of the FMU, a row each."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from math import isfinite
+from pathlib import Path
+from time import perf_counter
+from typing import Self
+
+from ..__main__ import Parser
+from ..fmu import DEFAULT_PATH, OUTPUTS, Fmu, UnusableFmuError, describe
+from ..report import screen
+from .errors import BrokenError, WrongUseError
+from .files import FORMATS, Store
+from .interface import Interface, interface
+from .plan import FORMS, Common, Plan, Runs, Values, axis, of_axes, of_file
+from .row import Row, Trajectory, columns, run
+
+EXTRA = "pip install '.[sweep]'"
+INTERRUPTED = 130  # exit status, as shells have it
+Outcomes = Generator[tuple[Row, Trajectory | None]]
+Executor = Callable[[Iterator[Values]], Outcomes]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return 0 if every run has its row, 1 if the sweep broke off, 130 if it was interrupted."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    try:
+        plan = _plan(options)
+        _check(options)
+        store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
+        with Interrupts() as interrupts, _executor(options, plan.common) as done_by:
+            begin = perf_counter()
+            tally, reason = _sweep(plan, store, done_by, interrupts)
+            spent = perf_counter() - begin
+    except KeyboardInterrupt:
+        parser.exit(INTERRUPTED, f"{parser.prog}: interrupted\n")
+    except (WrongUseError, UnusableFmuError) as error:
+        parser.error(str(error))
+    print(f"{tally} in {spent:.1f} s: {options.output}")
+    if reason is None:
+        return 0
+    interrupted = isinstance(reason, KeyboardInterrupt)
+    print(f"{parser.prog}: {'interrupted' if interrupted else reason}; --resume goes on", file=sys.stderr)
+    return INTERRUPTED if interrupted else 1
+
+
+def _parser() -> Parser:
+    parser = Parser(prog="python -m validation.sweep", description="Run the FMU many times, a row a run.")
+    parser.add_argument("axes", nargs="*", metavar="axis", help=FORMS)
+    parser.add_argument(
+        "--runs",
+        type=Path,
+        metavar="FILE.csv",
+        help="the runs instead of axes: a column a variable, a line a run",
+    )
+    parser.add_argument("--fmu", type=Path, default=DEFAULT_PATH, metavar="FILE.fmu", help="the FMU")
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("sweep.csv"),
+        metavar="FILE",
+        help=f"where the rows go, {' or '.join(FORMATS)} (default: %(default)s)",
+    )
+    parser.add_argument("--stop-time", type=float, metavar="S", help="end of the runs (default: the FMU's)")
+    parser.add_argument(
+        "--output-interval", type=float, metavar="S", help="communication step (default: the FMU's)"
+    )
+    parser.add_argument(
+        "--record",
+        type=lambda text: tuple(text.split(",")),
+        default=(),
+        metavar="NAME,...",
+        help="write trajectories of these outputs, too, into FILE with .trajectories before its suffix",
+    )
+    parser.add_argument(
+        "--series",
+        action="store_true",
+        help="where no closed form is known, compare with a Taylor series in 50 digits, most of a second a run",
+    )
+    parser.add_argument("--resume", action="store_true", help="keep the rows of FILE and run what it lacks")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes (default: cores)"
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="run on the workers of this Dask scheduler instead"
+    )
+    return parser
+
+
+def _plan(options: argparse.Namespace) -> Plan:
+    known = interface(describe(options.fmu))
+    if bool(options.axes) == (options.runs is not None):
+        raise WrongUseError(f"the runs are either axes ({FORMS}) or --runs FILE.csv")
+    names, count, runs = _runs(options, known)
+    stop = known.stop if options.stop_time is None else options.stop_time
+    interval = known.step if options.output_interval is None else options.output_interval
+    for name, value in (("--stop-time", stop), ("--output-interval", interval)):
+        if not (isfinite(value) and value > 0):
+            raise WrongUseError(f"{name} {value:g}: must be finite and > 0")
+    for name in options.record:
+        if name not in OUTPUTS:
+            raise WrongUseError(f"--record: {name!r} is no output (allowed: {', '.join(OUTPUTS)})")
+    return Plan(Common(known, names, stop, interval, options.record, options.series), count, runs)
+
+
+def _runs(options: argparse.Namespace, known: Interface) -> Runs:
+    if options.runs is not None:
+        return of_file(options.runs, known)
+    return of_axes([axis(text, known) for text in options.axes])
+
+
+def _check(options: argparse.Namespace) -> None:
+    if options.output.suffix not in FORMATS:
+        raise WrongUseError(f"--output {options.output}: must end in {' or '.join(FORMATS)}")
+    if options.output.suffix == ".parquet" and find_spec("pyarrow") is None:
+        raise WrongUseError(f"--output {options.output} needs pyarrow: {EXTRA}")
+    if options.scheduler is not None and find_spec("distributed") is None:
+        raise WrongUseError(f"--scheduler needs dask.distributed: {EXTRA}")
+    if options.jobs < 1:
+        raise WrongUseError(f"--jobs {options.jobs}: must be > 0")
+    if not options.output.parent.is_dir():
+        raise WrongUseError(f"--output {options.output}: {options.output.parent} is no directory")
+
+
+@contextmanager
+def _executor(options: argparse.Namespace, common: Common) -> Iterator[Executor]:
+    """Yield what runs the runs: Dask, or this process where it is not installed."""
+    if find_spec("distributed") is None:
+        print(f"one process: more need dask.distributed, {EXTRA}", file=sys.stderr)
+        with Fmu(options.fmu) as fmu:
+            yield lambda runs: (run(fmu, common, values) for values in runs)
+        return
+    from . import workers
+
+    connection = (
+        workers.local(options.jobs) if options.scheduler is None else workers.remote(options.scheduler)
+    )
+    with connection as client:
+        if not client.nthreads():
+            print(f"{options.scheduler} has no workers yet", file=sys.stderr)
+        yield lambda runs: workers.outcomes(client, options.fmu, common, runs)
+
+
+class Interrupts:
+    """Ctrl-C, and SIGTERM, which ends batch jobs, as KeyboardInterrupt; while they are held they wait."""
+
+    def __init__(self) -> None:
+        self._held = self._waiting = False
+
+    def __enter__(self) -> Self:
+        self._before = {one: signal.signal(one, self._arrived) for one in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for one, handler in self._before.items():
+            signal.signal(one, handler)
+
+    def _arrived(self, *_: object) -> None:
+        if not self._held:
+            raise KeyboardInterrupt
+        self._waiting = True
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Let them wait."""
+        self._held = True
+        yield
+        self._held = False
+        if self._waiting:
+            self._waiting = False
+            raise KeyboardInterrupt
+
+
+@dataclass
+class Tally:
+    """What a sweep did."""
+
+    planned: int
+    there: int = 0
+    written: int = 0
+    failed: int = 0
+    warned: int = 0
+
+    def add(self, row: Row) -> None:
+        """Count a row."""
+        self.written += 1
+        self.failed += bool(row["failure"])
+        self.warned += bool(row["warnings"])
+
+    def __str__(self) -> str:
+        there = f", {self.there} were there" if self.there else ""
+        notes = f"{self.failed} failed, {self.warned} with a warning"
+        return f"{self.written} of {self.planned} runs ({notes}){there}"
+
+
+def _sweep(
+    plan: Plan, store: Store, done_by: Executor, interrupts: Interrupts
+) -> tuple[Tally, BaseException | None]:
+    """Write the rows that are not there; return what was done, and why it is not all."""
+    tally = Tally(plan.count)
+    with screen.progress() as progress:
+        task = progress.add_task("", total=plan.count)
+
+        def missing() -> Iterator[Values]:
+            for values in plan.runs():
+                if store.done and plan.common.identity(values) in store.done:
+                    tally.there += 1
+                    progress.advance(task)
+                else:
+                    yield values
+
+        reason: BaseException | None = None
+        try:
+            with closing(done_by(missing())) as done:
+                for row, trajectory in done:
+                    with interrupts.held():
+                        store.add(row, trajectory)
+                        tally.add(row)
+                    progress.update(task, advance=1, description=f"{tally.failed} failed")
+        except (BrokenError, KeyboardInterrupt) as error:
+            reason = error
+        finally:
+            with suppress(KeyboardInterrupt), interrupts.held():
+                store.close()
+    return tally, reason
+
+
+if __name__ == "__main__":
+    sys.exit(main())
