@@ -535,7 +535,6 @@ def goals(fmu: Fmu) -> Iterator[Claim]:
 def _goals(fmu: Fmu) -> Iterator[Result]:
     yield from (goal.judge(fmu) for goal in GOALS[fmu.native])
     rows = list(goals(fmu))
-    missed = [row for row in rows if not row.holds]
     text = "Speed: "
     if GOALS[fmu.native]:
         text += (
@@ -547,9 +546,7 @@ def _goals(fmu: Fmu) -> Iterator[Result]:
             )
             + "; "
         )
-    text += f"{len(rows) - len(missed)} of {len(rows)} goals of speed are met on this machine."
-    if missed:
-        text += f" Missed: {'; '.join(row.verdict for row in missed)}."
+    text += f"{sum(row.holds for row in rows)} of {len(rows)} goals of speed are met on this machine."
     yield Note(text, headline=True)
     yield Table(
         "Goals of speed",
