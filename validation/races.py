@@ -98,31 +98,20 @@ def interval_rank(n: int) -> int:
 
 @dataclass(frozen=True)
 class Claim(Check):
-    """A row about a ratio, of which it judges the end of the interval; None: it could not be measured."""
+    """A row about a ratio of run times, of which it judges the end of the interval."""
 
-    ratio: Ratio | None = None
     about: About = About.TIMES
-
-    @property
-    def verdict(self) -> str:
-        """The claim and what was measured, in words."""
-        found = (
-            f"{self.ratio.median:.3g} ({self.ratio.low:.3g} to {self.ratio.high:.3g})"
-            if self.ratio
-            else "none"
-        )
-        return f"{self.name.removeprefix('time: ')}: {found}, at {'least' if self.at_least else 'most'} {self.bound:g}"
 
 
 def at_least(name: str, measured: Ratio, bound: float, reason: str) -> Claim:
     """Return the row that claims a ratio of at least `bound`."""
     reason = _reason(measured, bound, reason)
-    return Claim(name, measured.low, bound, reason, at_least=True, ratio=measured)
+    return Claim(name, measured.low, bound, reason, at_least=True)
 
 
 def at_most(name: str, measured: Ratio, bound: float, reason: str) -> Claim:
     """Return the row that claims a ratio of at most `bound`."""
-    return Claim(name, measured.high, bound, _reason(measured, bound, reason), ratio=measured)
+    return Claim(name, measured.high, bound, _reason(measured, bound, reason))
 
 
 def not_measured(name: str, bound: float, why: str) -> Claim:

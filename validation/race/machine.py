@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import subprocess
 from datetime import UTC, datetime
@@ -20,6 +21,7 @@ def provenance() -> tuple[tuple[str, str], ...]:
     """Return names and values of what a run time depends on."""
     return (
         ("CPU", cpu()),
+        ("load, mean of 15 minutes", load()),
         ("system", platform.platform()),
         ("C compiler of hosts, loops and right-hand sides", compiler_version()),
         ("date", datetime.now(UTC).isoformat(timespec="seconds")),
@@ -35,6 +37,12 @@ def cpu() -> str:
     lines = information.read_text("utf-8").splitlines() if information.is_file() else []
     models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return next(models, "") or platform.processor() or platform.machine()
+
+
+def load() -> str:
+    """Return how many processes wanted a processor on average, and of how many processors."""
+    wanted = f"{os.getloadavg()[2]:.2g}" if hasattr(os, "getloadavg") else "unknown"
+    return f"{wanted}, {os.cpu_count()} processors"
 
 
 def commit() -> str:

@@ -75,6 +75,7 @@ class WorkScene(Scene):
     k2 : damping rate [1/s]
     drive : drive [1/s2] as a function of time; the FMU gets it sampled in the middle of each step
     scale : what errors are relative to [rad]
+    rate : fastest rate of a linear motion and its drive [1/s], 0 if it is not linear
     slopes : methods whose order shows over the whole run: method -> k compares h = 2^-k s with h/2
     floors : methods judged by rounding: method -> k of a step of truncation errors, k of the finest step
     limits : methods judged by their stability limit: method -> range of k
@@ -90,6 +91,7 @@ class WorkScene(Scene):
     k2: float = 0.0
     drive: Callable[[float], float] | None = None
     scale: float = 1.0
+    rate: float = 0.0
     slopes: Mapping[int, int] = field(default_factory=dict)
     floors: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     limits: Mapping[int, range] = field(default_factory=dict)
@@ -128,11 +130,19 @@ class WorkScene(Scene):
         coarse, fine = self.point(fmu, method, k), self.point(fmu, method, k + 1)
         order = observed_order(coarse.largest, fine.largest)
         expected = METHODS[METHOD_NAMES[method]].order if self.drive is None else 2
-        reason = (
-            f"observed {order:.3f}, theory {expected}{', from holding the input' if self.drive else ''}; {ORDER} by "
-            "convention: h is so small that the next term changes less"
+        bound, why = ORDER, "by convention: h is so small that the next term changes less"
+        next_term = 2 * (coarse.label * self.rate) ** 2
+        if self.rate and expected > 1 and next_term < ORDER:
+            bound, why = (
+                next_term,
+                "2*(h*r)^2: the next term of a linear motion is at right angles to the error",
+            )
+        return Check(
+            f"slope of {METHOD_NAMES[method]}, {self.name}",
+            abs(order - expected),
+            bound,
+            f"observed {order:.6g}, theory {expected}{', from holding the input' if self.drive else ''}; {why}",
         )
-        return Check(f"slope of {METHOD_NAMES[method]}, {self.name}", abs(order - expected), ORDER, reason)
 
     def _floor(self, method: int, reference: Point, finest: Point) -> Check:
         """Return the row of the round-off floor: the finest step's error against truncation and a random walk.
@@ -231,6 +241,7 @@ SCENES: tuple[Scene, ...] = (
         lambda t: references.free_evolution(t, 0.0, SMALL * W0, 0.002, W02),
         k2=0.002,
         scale=SMALL,
+        rate=W0,
         slopes={**SLOPES, SolverMethod.TaylorSeries: 0},
     ),
     WorkScene(
@@ -242,6 +253,7 @@ SCENES: tuple[Scene, ...] = (
         k2=0.5,
         drive=lambda t: SMALL * W02 * exp(-((t - PULSE["center"]) ** 2) / (2 * PULSE["variance"])),
         scale=SMALL,
+        rate=sqrt(5 / PULSE["variance"]),  # the sixth derivative over the fourth
         slopes={RK4: 7, SolverMethod.SDIRK4: 7, SolverMethod.TaylorSeries: 7},
     ),
     WorkScene(
@@ -523,7 +535,6 @@ def goals(fmu: Fmu) -> Iterator[Claim]:
 def _goals(fmu: Fmu) -> Iterator[Result]:
     yield from (goal.judge(fmu) for goal in GOALS[fmu.native])
     rows = list(goals(fmu))
-    missed = [row for row in rows if not row.holds]
     text = "Speed: "
     if GOALS[fmu.native]:
         text += (
@@ -535,9 +546,7 @@ def _goals(fmu: Fmu) -> Iterator[Result]:
             )
             + "; "
         )
-    text += f"{len(rows) - len(missed)} of {len(rows)} goals of speed are met on this machine."
-    if missed:
-        text += f" Missed: {'; '.join(row.verdict for row in missed)}."
+    text += f"{sum(row.holds for row in rows)} of {len(rows)} goals of speed are met on this machine."
     yield Note(text, headline=True)
     yield Table(
         "Goals of speed",
