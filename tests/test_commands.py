@@ -85,7 +85,7 @@ def test_quickstart_prints_measured_and_exact(fmu_path: Path) -> None:
     assert "impulse" in result.stdout
 
 
-@pytest.mark.parametrize("module", ["validation", "validation.quickstart"])
+@pytest.mark.parametrize("module", ["validation", "validation.quickstart", "validation.sweep"])
 def test_help_is_the_same_without_docstrings(module: str) -> None:
     full, bare = command(module, "--help"), command(module, "--help", optimize=["-OO"])
     assert full.returncode == bare.returncode == 0

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from validation import races, studies
-from validation.checks import Check, Curve, Note, Plot, Table, formula
+from validation.checks import Check, Curve, Map, Maps, Note, Plot, Table, formula
 from validation.documents import coverage
 from validation.report import cells, page
 from validation.report.section import Section, summary
@@ -69,6 +69,22 @@ SECTIONS = [
                 below_label="error",
                 below_logarithmic="y",
             ),
+            Maps(
+                "Maps",
+                "x",
+                "y",
+                [1.0, 2.0],
+                [3.0, 4.0],
+                [
+                    Map(f"map {i}", [[nan, 1e-20], [0.1 * i, 2.0]], [[1.0, 2.0], [3.0, 1.0 + 0.1 * i]])
+                    for i in range(5)
+                ],
+                "error",
+                (1e-16, 1.0),
+                "time",
+                (1.0, 4.0),
+                note="Crosses are lost.",
+            ),
         ],
     ),
     Section("bad", "A study that fails", "x", [Check("no number", nan, 1.0, "theory")]),
@@ -122,6 +138,7 @@ def test_failing_rows_come_first_and_open(text: str) -> None:
 def test_long_tables_are_folded_and_pictures_have_captions(text: str) -> None:
     assert re.search(r"<details><summary>A long table", text)
     assert "<figcaption>What to see.</figcaption>" in text
+    assert "<figcaption>Crosses are lost.</figcaption>" in text
 
 
 def test_a_page_needs_nothing_but_itself(text: str, reader: Reader) -> None:

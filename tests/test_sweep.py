@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 from validation import references
@@ -24,6 +23,7 @@ from validation.sweep.interface import Interface, interface
 from validation.sweep.plan import Common, axis, of_axes, of_file
 from validation.sweep.row import Row, Trajectory, columns, run
 
+pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed: pip install '.[sweep]'")
 EPS = 2.0**-52
 
 

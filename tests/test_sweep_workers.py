@@ -12,17 +12,19 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-import dask
 import pytest
 
 import build_fmu
 from tests.test_sweep import rows_of, same
 from validation.fmu import Experiment, Fmu, describe
-from validation.sweep import workers
 from validation.sweep.errors import BrokenError, WrongUseError
 from validation.sweep.interface import interface
 from validation.sweep.plan import Common, Plan, axis, of_axes
 
+dask = pytest.importorskip("dask", reason="Dask is not installed: pip install '.[sweep]'")
+workers = pytest.importorskip(
+    "validation.sweep.workers", reason="Dask is not installed", exc_type=ImportError
+)
 ROOT = Path(__file__).resolve().parent.parent
 PATIENCE = 60.0  # for processes to start on a busy machine [s]
 

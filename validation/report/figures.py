@@ -135,7 +135,9 @@ def _maps(plot: Maps) -> Any:
         label, span = getattr(plot, f"label_of_{name}"), getattr(plot, f"span_of_{name}")
         block.set_facecolor("none")
         axes = block.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False)
-        for axis, panel in zip(axes.flat, plot.panels, strict=True):
+        for axis in axes.flat[len(plot.panels) :]:
+            axis.set_visible(False)
+        for axis, panel in zip(axes.flat, plot.panels, strict=False):
             cells = _cells(axis, np.asarray(getattr(panel, name), dtype=float), span)
             axis.set_title(panel.title, fontsize="small")
             axis.set_xticks(range(0, len(plot.x), 3), [f"{value:.2g}" for value in plot.x[::3]])

@@ -6,6 +6,7 @@ disk nor folder with the sweep; the scheduler passes both on without opening the
 
 from __future__ import annotations
 
+import logging
 import signal
 import sys
 from collections import deque
@@ -133,6 +134,7 @@ def local(jobs: int) -> Iterator[Client]:
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",
             memory_limit=None,
+            silence_logs=logging.ERROR,  # a worker that ends late on a busy machine is no news
         ) as cluster,
         Client(cluster) as client,
     ):
