@@ -27,8 +27,8 @@ MUTATIONS = {
     "dropped torque": ("damped_pendulum/model.py", "drive = tau / J", "drive = 0.0 * tau"),
     "third-order weights": (
         "methods/explicit.py",
-        "w += sixth * (a123 + a23 + a4)",
-        "w += sixth * (a1 + 4 * a2 + a4)",
+        "v += sixth * (a123 + a23 + a4)",
+        "v += sixth * (a1 + 4 * a2 + a4)",
     ),
     "half a step": ("methods/integration.py", "h = duration / n", "h = 0.5 * duration / n"),
 }

@@ -45,8 +45,8 @@ class Motion(NamedTuple):
 
     @staticmethod
     def terms() -> dict[str, str]:
-        """Return coefficient -> term of der(w) as an expression of phi, w and the coefficient."""
-        return {"drive": "drive", "drag": "drag * w", "gravity": "gravity * sin(phi)"}
+        """Return coefficient -> term of der(w) as an expression of x = phi, v = w and the coefficient."""
+        return {"drive": "drive", "drag": "drag * v", "gravity": "gravity * sin(x)"}
 
     @staticmethod
     def functions() -> dict[str, Callable[[float], float]]:

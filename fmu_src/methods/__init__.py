@@ -1,1 +1,1 @@
-"""Fixed-step methods for der(phi) = w, der(w) = a(phi, w); they know no model and no FMI, standard library only."""
+"""Fixed-step methods for der(x) = v, der(v) = a(x, v); they know no model and no FMI, standard library only."""

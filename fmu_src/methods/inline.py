@@ -56,7 +56,7 @@ def _inlined(solver: Solver, motion: type[Motion], acting: tuple[bool, ...]) -> 
 
 
 class _Inline(ast.NodeTransformer):
-    """Replaces acceleration(x, y) by the expression with x for phi and y for w."""
+    """Replaces acceleration(y, z) by the expression with y for x and z for v."""
 
     def __init__(self, coefficients: Mapping[str, ast.Name], expression: str) -> None:
         self.coefficients, self.expression = coefficients, expression
@@ -70,8 +70,8 @@ class _Inline(ast.NodeTransformer):
     def visit_Call(self, node: ast.Call) -> ast.AST:
         if not (isinstance(node.func, ast.Name) and node.func.id == "acceleration"):
             return self.generic_visit(node)
-        phi, w = node.args
-        expression: ast.expr = _Substitute({**self.coefficients, "phi": phi, "w": w}).visit(
+        x, v = node.args
+        expression: ast.expr = _Substitute({**self.coefficients, "x": x, "v": v}).visit(
             ast.parse(self.expression, mode="eval").body
         )
         return expression

@@ -59,7 +59,7 @@ class Integration:
         """Return the number of substeps of a step from `time` over `duration` [s]; see `solvers.substeps`."""
         return substeps(time, duration, self.max_step, self._longest)
 
-    def advance(self, phi: float, w: float, time: float, duration: float) -> tuple[float, float, int]:
+    def advance(self, x: float, v: float, time: float, duration: float) -> tuple[float, float, int]:
         """Return the state after a step from `time` over `duration` [s], and its evaluations.
 
         Raises
@@ -70,33 +70,33 @@ class Integration:
         h = duration / n
         try:
             solve = self._solve if n <= self._block else self._solve_in_blocks
-            phi_then, w_then, nfev = solve(self._motion, phi, w, h, n)
+            x_then, v_then, nfev = solve(self._motion, x, v, h, n)
         except ValueError:  # math.sin(inf)
-            self._report_divergence(phi, w, time, h, n)
-        if not (isfinite(phi_then) and isfinite(w_then)):
-            self._report_divergence(phi, w, time, h, n)
+            self._report_divergence(x, v, time, h, n)
+        if not (isfinite(x_then) and isfinite(v_then)):
+            self._report_divergence(x, v, time, h, n)
         # The sign of a zero depends on the terms that are left out: -0.0 becomes 0.0.
-        return phi_then + 0.0, w_then + 0.0, nfev
+        return x_then + 0.0, v_then + 0.0, nfev
 
     def _solve_in_blocks(
-        self, motion: Motion, phi: float, w: float, h: float, n: int
+        self, motion: Motion, x: float, v: float, h: float, n: int
     ) -> tuple[float, float, int]:
         """Do what the method does, but end with the block in which the state leaves the range of a double."""
         nfev = 0
         for first in range(0, n, self._block):
-            phi, w, more = self._solve(motion, phi, w, h, min(self._block, n - first))
+            x, v, more = self._solve(motion, x, v, h, min(self._block, n - first))
             nfev += more
-            if not (isfinite(phi) and isfinite(w)):
+            if not (isfinite(x) and isfinite(v)):
                 break
-        return phi, w, nfev
+        return x, v, nfev
 
-    def _report_divergence(self, phi: float, w: float, time: float, h: float, n: int) -> NoReturn:
+    def _report_divergence(self, x: float, v: float, time: float, h: float, n: int) -> NoReturn:
         """Raise with the substep that left the range of a double, found by taking the `n` one by one."""
         count = 0
         try:
-            while isfinite(phi) and isfinite(w) and count < n:
+            while isfinite(x) and isfinite(v) and count < n:
                 count += 1
-                phi, w, _ = self._solve(self._motion, phi, w, h, 1)
+                x, v, _ = self._solve(self._motion, x, v, h, 1)
         except ValueError:  # math.sin(inf)
             pass
         raise OverflowError(

@@ -2,9 +2,9 @@
 
 A solver integrates one communication step, loop included:
 
-    solver(motion, phi, w, h, n) -> phi, w, nfev
+    solver(motion, x, v, h, n) -> x, v, nfev
 
-advances the angle `phi` [rad] and its rate `w` [rad/s] by `n` substeps of `h` [s] and returns them with
+advances the position `x` and its rate `v` [unit of x/s] by `n` substeps of `h` [s] and returns them with
 the number of evaluations of the acceleration. The order of the operations is part of the definition:
 another implementation with the same order returns the same bits.
 

@@ -18,14 +18,14 @@ from .motion import Motion
 ORDER = 16
 
 
-def taylor_series(motion: Motion, phi: float, w: float, h: float, n: int) -> tuple[float, float, int]:
-    """Taylor series of phi and w up to the order 16, each coefficient of a counted as an evaluation."""
+def taylor_series(motion: Motion, x: float, v: float, h: float, n: int) -> tuple[float, float, int]:
+    """Taylor series of x and v up to the order 16, each coefficient of a counted as an evaluation."""
     step = motion.taylor_step(h, ORDER)
     for _ in repeat(None, n):
-        phi, w = step(phi, w)
-        if not isfinite(phi):
+        x, v = step(x, v)
+        if not isfinite(x):
             break
-    return phi, w, ORDER * n
+    return x, v, ORDER * n
 
 
 def convolution(first: Sequence[float], second: Sequence[float], k: int) -> float:

@@ -39,9 +39,9 @@ class Motion(NamedTuple):
 
     @staticmethod
     def terms() -> dict[str, str]:
-        """Return the terms of `acceleration`, with phi for x and w for v."""
-        cubic = "cubic * phi * phi * phi"
-        return {"drive": "drive", "drag": "drag * w", "spring": "spring * phi", "cubic": cubic}
+        """Return the terms of `acceleration`."""
+        cubic = "cubic * x * x * x"
+        return {"drive": "drive", "drag": "drag * v", "spring": "spring * x", "cubic": cubic}
 
     @staticmethod
     def functions() -> dict[str, Callable[[float], float]]:
