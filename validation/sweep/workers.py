@@ -134,7 +134,7 @@ def local(jobs: int) -> Iterator[Client]:
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",
             memory_limit=None,
-            silence_logs=logging.ERROR,  # a worker that ends late on a busy machine is no news
+            silence_logs=logging.CRITICAL,  # what goes wrong is in the rows, or the reason why the sweep ends
         ) as cluster,
         Client(cluster) as client,
     ):
