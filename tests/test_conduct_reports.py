@@ -31,7 +31,7 @@ FAULTS: dict[str, Callable[[Instance], int]] = {
     "type": lambda i: i.get_references("Integer", [0])[0],
     "string": lambda i: i.call("fmi2GetString", (c_uint * 1)(0), 1, None),
     "step": lambda i: max(i.initialize(), i.step(0.0, -1.0)),
-    "drive": lambda i: max(i.initialize(), i.set(i.fmu.plant.input, nan), i.step(0.0, 0.01)),
+    "input": lambda i: max(i.initialize(), i.set(i.fmu.plant.input, nan), i.step(0.0, 0.01)),
     "divergence": lambda i: max(
         i.initialize(
             {i.fmu.plant.v_start: 1e308, i.fmu.plant.drag: 0.0, "solver.stepSize": 10.0}

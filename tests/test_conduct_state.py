@@ -243,7 +243,7 @@ WRONG_TYPES = (None, "1", True, [1.0], {}, 10**400)
 # Entry, or what the plant calls it -> values that it cannot have, and by what the refusal names it.
 FORGED: tuple[tuple[str, tuple[object, ...], str], ...] = (
     ("mass", (*WRONG_TYPES, 1), "values"),
-    ("drive", WRONG_TYPES, "values"),
+    ("input", WRONG_TYPES, "values"),
     ("x_start", (*WRONG_TYPES, 1), "values"),
     ("solver.method", (*WRONG_TYPES, 3.0, 2**31), "values"),
     ("a", (1.0, "x"), "values"),
