@@ -6,10 +6,10 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
@@ -26,13 +26,19 @@ workers = pytest.importorskip(
     "validation.sweep.workers", reason="Dask is not installed", exc_type=ImportError
 )
 ROOT = Path(__file__).resolve().parent.parent
-PATIENCE = 60.0  # for processes to start on a busy machine [s]
+PATIENCE = 300.0  # for processes to start on a busy machine [s]
 
 
 def plan(fmu: Path, *axes: str, stop: float = 1.0, interval: float = 0.01) -> Plan:
     known = interface(describe(fmu))
     names, count, runs = of_axes([axis(text, known) for text in axes])
     return Plan(Common(known, names, stop, interval), count, runs)
+
+
+def until(condition: Callable[[], object]) -> None:
+    """Wait for a condition; a test that never meets it fails."""
+    pause, never = 0.05, Event()
+    assert any(condition() or never.wait(pause) for _ in range(round(PATIENCE / pause)))
 
 
 @contextmanager
@@ -69,10 +75,7 @@ class Cluster:
             for name in ("one", "two")
         ]
         self.folder = folder
-        end = time.monotonic() + PATIENCE
-        while not file.exists() or not file.read_text("utf-8"):
-            assert time.monotonic() < end, (folder / "scheduler" / "log").read_text("utf-8")
-            time.sleep(0.05)
+        until(lambda: file.exists() and file.read_text("utf-8").endswith("}"))
         self.address: str = json.loads(file.read_text("utf-8"))["address"]
 
 
@@ -216,12 +219,9 @@ def test_control_c_leaves_a_whole_file_and_no_noise(native_path: Path, tmp_path:
         start_new_session=True,
     )
     parts = output.with_name("rows.parquet.parts")
-    end = time.monotonic() + PATIENCE
     try:
-        while not parts.exists():
-            assert started.poll() is None, started.communicate()
-            assert time.monotonic() < end
-            time.sleep(0.05)
+        until(lambda: parts.exists() or started.poll() is not None)
+        assert started.poll() is None, started.communicate()
         os.killpg(started.pid, signal.SIGINT)  # as a terminal does
         said, complained = started.communicate(timeout=PATIENCE)
     finally:
