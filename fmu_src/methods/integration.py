@@ -9,9 +9,8 @@ from .inline import inlined
 from .motion import Motion, Solver
 from .solvers import MAX_SUBSTEPS, METHODS, SolverMethod, stability_limit, substeps
 
-BLOCK = (
-    2**16
-)  # substeps of an explicit method between two looks at the state, which cost as much as a few of them
+# Substeps of an explicit method between two looks at the state, which cost as much as a few of them.
+BLOCK = 2**16
 
 
 class Integration:
