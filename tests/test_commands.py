@@ -58,6 +58,22 @@ def test_an_fmu_of_another_interface_is_refused(other_fmu: Path) -> None:
     assert len(result.stderr.splitlines()) == 1
 
 
+def test_an_fmu_without_a_binary_for_this_machine_is_refused_and_leaves_nothing_behind(
+    fmu_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entries = build_fmu.read_entries(fmu_path)
+    path = tmp_path / "bare.fmu"
+    build_fmu.write_entries(path, {name: data for name, data in entries.items() if "binaries/" not in name})
+    folder = tmp_path / "extracted"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    result = command("validation", "--fmu", path)
+    assert result.returncode == 2
+    assert "bare.fmu cannot be instantiated: Cannot find" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert list(folder.iterdir()) == []
+
+
 def test_a_chosen_study_is_run_and_reported(fmu_path: Path, tmp_path: Path) -> None:
     result = command(
         "validation",

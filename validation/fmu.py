@@ -126,13 +126,16 @@ def describe(path: Path) -> Any:
     try:
         description = fmpy.read_model_description(str(path))
     except Exception as error:  # FMPy raises many kinds
-        reason = str(error).split("\n", 1)[0]
-        raise UnusableFmuError(f"{path} is not a readable FMU: {reason}") from None
+        raise UnusableFmuError(f"{path} is not a readable FMU: {_first_line(error)}") from None
     known = {variable.name for variable in description.modelVariables}
     missing = [name for name in (*PARAMETERS, "tau", *OUTPUTS, EVALUATIONS) if name not in known]
     if missing:
         raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
     return description
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).split("\n", 1)[0]
 
 
 class _Log:
@@ -164,7 +167,7 @@ class Fmu:
 
     Raises
     ------
-    UnusableFmuError : no such file, no FMU, or one of another interface
+    UnusableFmuError : no such file, no FMU, one of another interface, or one that does not run on this machine
     """
 
     def __init__(self, path: Path = DEFAULT_PATH, folder: Path | None = None) -> None:
@@ -174,7 +177,11 @@ class Fmu:
         self.native = not self.description.coSimulation.needsExecutionTool
         self.interpolates = bool(self.description.coSimulation.canInterpolateInputs)
         self._folder = fmpy.extract(str(path), folder)
-        self._instantiate()
+        try:
+            self._instantiate()
+        except Exception as error:  # FMPy raises many kinds
+            shutil.rmtree(self._folder, ignore_errors=True)
+            raise UnusableFmuError(f"{path} cannot be instantiated: {_first_line(error)}") from None
 
     def _instantiate(self) -> None:
         self._slave = fmpy.instantiate_fmu(

@@ -96,27 +96,20 @@ def interval_rank(n: int) -> int:
     return k
 
 
-@dataclass(frozen=True)
-class Claim(Check):
-    """A row about a ratio of run times, of which it judges the end of the interval."""
-
-    about: About = About.TIMES
-
-
-def at_least(name: str, measured: Ratio, bound: float, reason: str) -> Claim:
-    """Return the row that claims a ratio of at least `bound`."""
+def at_least(name: str, measured: Ratio, bound: float, reason: str) -> Check:
+    """Return the row that claims a ratio of at least `bound`; it judges the lower end of the interval."""
     reason = _reason(measured, bound, reason)
-    return Claim(name, measured.low, bound, reason, at_least=True)
+    return Check(name, measured.low, bound, reason, at_least=True, about=About.TIMES)
 
 
-def at_most(name: str, measured: Ratio, bound: float, reason: str) -> Claim:
-    """Return the row that claims a ratio of at most `bound`."""
-    return Claim(name, measured.high, bound, _reason(measured, bound, reason))
+def at_most(name: str, measured: Ratio, bound: float, reason: str) -> Check:
+    """Return the row that claims a ratio of at most `bound`; it judges the upper end of the interval."""
+    return Check(name, measured.high, bound, _reason(measured, bound, reason), about=About.TIMES)
 
 
-def not_measured(name: str, bound: float, why: str) -> Claim:
+def not_measured(name: str, bound: float, why: str) -> Check:
     """Return the row of a race that could not be run, which never holds."""
-    return Claim(name, nan, bound, f"not measured: {why}", at_least=True)
+    return Check(name, nan, bound, f"not measured: {why}", at_least=True, about=About.TIMES)
 
 
 def _reason(measured: Ratio, bound: float, reason: str) -> str:

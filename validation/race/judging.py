@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import races
+from ..checks import Check
 from ..fmu import Fmu, SolverMethod
-from ..races import Claim, Ratio
+from ..races import Ratio
 from . import carriers, contest
 from .contest import Key, Race, ladder, race, reaching
 from .rivals import COMPILED_ODEINT, HEYOKA, ODEINT, PYTHON_RIVALS, SOLVE_IVP, Solver, compiled_rivals
@@ -101,7 +102,7 @@ class Goal:
     errors: tuple[float, ...]
     at_least: float
 
-    def judge(self, fmu: Fmu) -> Claim:
+    def judge(self, fmu: Fmu) -> Check:
         """Return the row of the error at which the claim is weakest; its measured number is the lower end there."""
         name = f"time: {self.what}, errors {self.errors[0]:.0e} to {self.errors[-1]:.0e}, FMU against {self.rival}"
         ratios = {}

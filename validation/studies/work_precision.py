@@ -27,7 +27,7 @@ from ..race.rivals import HEYOKA, heyoka_to_the_end
 from ..race.scenes import SCENES as RACED
 from ..race.scenes import UNDAMPED
 from ..race.scenes import Scene as RaceData
-from ..races import Claim, clock
+from ..races import clock
 from ..references import taylor
 from ..references.methods import METHODS
 from .scene import Case, Scene
@@ -445,7 +445,7 @@ AGAINST_HEYOKA = (
 
 
 @cache
-def against_heyoka(fmu: Fmu) -> Claim:
+def against_heyoka(fmu: Fmu) -> Check:
     """Return the row of the Taylor series of the native FMU against heyoka."""
     if HEYOKA not in {rival.name for rival in rivals(True)[0]}:
         return races.not_measured(AGAINST_HEYOKA, 1.0, "heyoka is not installed: pip install '.[peers]'")
@@ -524,12 +524,12 @@ def _choice(fmu: Fmu) -> Iterator[Result]:
     yield Table("Where the run times were measured", ("what", "value"), provenance())
 
 
-def goals(fmu: Fmu) -> Iterator[Claim]:
+def goals(fmu: Fmu) -> Iterator[Check]:
     """Yield the rows of all goals that are about this carrier, in the order of the report."""
     yield from (goal.judge(fmu) for goal in GOALS[fmu.native])
     if fmu.native:
         yield against_heyoka(fmu)
-    yield from (result for result in substeps(fmu) if isinstance(result, Claim))
+    yield from (result for result in substeps(fmu) if isinstance(result, Check))
 
 
 def _goals(fmu: Fmu) -> Iterator[Result]:
