@@ -7,7 +7,9 @@ from math import atan2, ceil, copysign, cos, log, log1p, pi, sin, sqrt, tan
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ellipe, ellipj, ellipk, ellipkm1, elliprf
+from scipy import (
+    special,
+)  # a lone ufunc says not where it is from: who pickles this code would ask all modules
 
 from .arrays import Array, State
 
@@ -43,12 +45,12 @@ def _require_swing(amplitude: float) -> None:
 
 def period_by_ellipkm1(amplitude: float, w02: float) -> float:
     """Return the same period from SciPy's K of the complementary parameter, T = 4*K/w0; [C] (14)."""
-    return float(4 * ellipkm1(cos(amplitude / 2) ** 2) / sqrt(w02))
+    return float(4 * special.ellipkm1(cos(amplitude / 2) ** 2) / sqrt(w02))
 
 
 def period_by_ellipk(amplitude: float, w02: float) -> float:
     """Return the same period from ellipk(sin^2): the obvious formula, wrong by 3e-6 near the upright position."""
-    return float(4 * ellipk(sin(amplitude / 2) ** 2) / sqrt(w02))
+    return float(4 * special.ellipk(sin(amplitude / 2) ** 2) / sqrt(w02))
 
 
 def complete_by_agm(k: float) -> float:
@@ -105,7 +107,7 @@ def series_length(amplitude: float, tolerance: float) -> int:
 def period_slope(amplitude: float, w02: float) -> float:
     """Return dT/d(amplitude) [s/rad] = (2/w0)*dK/dk*k', the conditioning of the period; [DLMF] 19.4.1."""
     k, k1 = sin(amplitude / 2), cos(amplitude / 2)
-    K, E = float(ellipkm1(k1 * k1)), float(ellipe(k * k))
+    K, E = float(special.ellipkm1(k1 * k1)), float(special.ellipe(k * k))
     return 2 / sqrt(w02) * k1 * (E - k1 * k1 * K) / (k * k1 * k1)
 
 
@@ -120,10 +122,10 @@ def jacobi(u: ArrayLike, m1: float) -> tuple[Array, Array, Array]:
     """
     u = np.asarray(u, dtype=float)
     if m1 >= 0.5:
-        sn, cn, dn = (np.asarray(x, dtype=float) for x in ellipj(u, 1 - m1)[:3])
+        sn, cn, dn = (np.asarray(x, dtype=float) for x in special.ellipj(u, 1 - m1)[:3])
         return sn, cn, dn
     k = sqrt(1 - m1)
-    K, K1 = float(ellipkm1(m1)), float(ellipk(m1))
+    K, K1 = float(special.ellipkm1(m1)), float(special.ellipk(m1))
     c = pi / (2 * K1)
     u = u - 4 * K * np.round(u / (4 * K))
     sn, cn, dn = np.tanh(c * u), 1 / np.cosh(c * u), 1 / np.cosh(c * u)
@@ -186,7 +188,7 @@ def _motion_from_first_turn(t: Array, start: float, rate0: float, w02: float) ->
         return 2 * sign * np.arctan(np.sinh(u)), 2 * w0 * sign / np.cosh(u)
     reciprocal_m1 = -m1 / k**2  # 1 - 1/m
     u = k * w0 * t + sign * incomplete(start / 2, reciprocal_m1)
-    K = float(ellipkm1(reciprocal_m1))
+    K = float(special.ellipkm1(reciprocal_m1))
     half_turns = np.round(u / (2 * K))
     sn, cn, dn = jacobi(u - 2 * K * half_turns, reciprocal_m1)
     return 2 * sign * (np.arctan2(sn, cn) + pi * half_turns), 2 * k * w0 * sign * dn
@@ -212,6 +214,6 @@ def complement(phi0: float, rate0: float, w02: float) -> float:
 def incomplete(angle: float, m1: float) -> float:
     """Return F(angle | 1 - m1), m1 = k'^2, for |angle| <= pi by Carlson's R_F; [DLMF] 19.25.5."""
     if abs(angle) > pi / 2:
-        return copysign(2 * float(ellipkm1(m1)), angle) - incomplete(copysign(pi, angle) - angle, m1)
+        return copysign(2 * float(special.ellipkm1(m1)), angle) - incomplete(copysign(pi, angle) - angle, m1)
     s, c = sin(angle), cos(angle)
-    return float(s * elliprf(c * c, c * c + m1 * s * s, 1.0))
+    return float(s * special.elliprf(c * c, c * c + m1 * s * s, 1.0))

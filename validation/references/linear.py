@@ -6,8 +6,8 @@ from math import ceil, pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import special
 from scipy.linalg import expm
-from scipy.special import wofz
 
 from .arrays import Array, State
 
@@ -233,7 +233,7 @@ def _gaussian_integral(
     scale = sqrt(pi * variance / 2)
     z = (root * variance - mu) / width
     reflected = z.real < 0
-    value = np.exp(-mu * mu / (2 * variance)) * wofz(1j * np.where(reflected, -z, z))
+    value = np.exp(-mu * mu / (2 * variance)) * special.wofz(1j * np.where(reflected, -z, z))
     # Only where it is used: elsewhere it may overflow.
     whole = 2 * np.exp(np.where(reflected, -root * mu + root * root * variance / 2, 0))
     if start is None:
@@ -241,7 +241,7 @@ def _gaussian_integral(
     span = t - start
     z_end = (span - mu + root * variance) / width
     end_reflected = z_end.real < 0
-    end = np.exp(-root * span - (span - mu) ** 2 / (2 * variance)) * wofz(
+    end = np.exp(-root * span - (span - mu) ** 2 / (2 * variance)) * special.wofz(
         1j * np.where(end_reflected, -z_end, z_end)
     )
     # Where both are reflected the two `whole` terms cancel exactly.

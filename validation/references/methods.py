@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from scipy.special import ellipe, ellipkm1
+from scipy import special
 
 from .arrays import Array, State
 from .linear import real_roots
@@ -145,7 +145,7 @@ def rk4_lag(amplitude: float) -> float:
     h = 0, for eight rational m.
     """
     m = np.sin(amplitude / 2) ** 2
-    ratio = ellipe(m) / ellipkm1(np.cos(amplitude / 2) ** 2)
+    ratio = special.ellipe(m) / special.ellipkm1(np.cos(amplitude / 2) ** 2)
     return float((1 + 29 * m + 6 * m * m + 35 * (1 - 2 * m) * ratio) / 4320)
 
 
