@@ -2,11 +2,13 @@
 
 import csv
 import shutil
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from errno import ENOSPC
 from importlib.util import find_spec
 from itertools import product
-from math import hypot, log, nan, radians, sqrt
+from math import hypot, log, nan, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from validation.fmu import W0, W02, Experiment, Fmu, describe
 from validation.references import discrete
 from validation.references import taylor as taylor_series
 from validation.sweep import __main__ as command
-from validation.sweep.files import Store
+from validation.sweep.files import Csv, Store, locked
 from validation.sweep.interface import Interface, interface
 from validation.sweep.plan import Common, axis, of_axes, of_file
 from validation.sweep.row import Row, Trajectory, columns, run
@@ -136,6 +138,8 @@ def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path
         (["m=1", "--output", "nowhere/rows.csv"], "--output nowhere/rows.csv: nowhere is no directory"),
         (["m=1", "--output", "names.csv"], "names.csv is there already (--resume goes on with it)"),
         (["m=1", "--output", "names.csv", "--resume"], "names.csv has other columns: m, L"),
+        (["m=1", "--output", "folder.csv", "--resume"], "folder.csv cannot be read: Is a directory"),
+        (["m=1", "--output", "latin.csv", "--resume"], "latin.csv cannot be read: 'utf-8' codec"),
         (["m=1", "--fmu", "missing.fmu"], "missing.fmu does not exist"),
         (["m=1", "--stop-time", "0"], "--stop-time 0: must be finite and > 0"),
         (["m=1", "--output-interval", "nan"], "--output-interval nan: must be finite and > 0"),
@@ -161,6 +165,8 @@ def test_wrong_use_is_one_line_and_status_2(
         ("twice.csv", "m,m\n1,2\n"),
     ):
         Path(name).write_text(text, "utf-8")
+    Path("latin.csv").write_bytes(b"\xe4\n")
+    Path("folder.csv").mkdir()
     before = sorted(tmp_path.iterdir())
     with pytest.raises(SystemExit) as exit:
         command.main(["--fmu", str(native_path), *arguments])
@@ -408,6 +414,69 @@ def test_what_was_recorded_is_recorded_on(sweep: Sweep, capsys: pytest.CaptureFi
         assert words in capsys.readouterr().err
 
 
+def test_a_parquet_file_that_is_none_cannot_be_resumed(
+    sweep: Sweep, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("rows.parquet").write_text("junk\n", "utf-8")
+    with pytest.raises(SystemExit):
+        sweep("m=1", "--output", "rows.parquet", "--resume")
+    assert "rows.parquet cannot be read: " in capsys.readouterr().err
+
+
+def test_an_output_takes_one_sweep_at_a_time(sweep: Sweep, capsys: pytest.CaptureFixture[str]) -> None:
+    with locked(Path("rows.csv")):
+        for resume in ([], ["--resume"]):
+            with pytest.raises(SystemExit) as exit:
+                sweep("m=1", "--output", "rows.csv", *resume)
+            assert exit.value.code == 2
+            assert "rows.csv is in use by another sweep" in capsys.readouterr().err
+    Path("rows.csv.lock").touch()  # as a sweep that was killed leaves it
+    assert sweep("m=1", "--output", "rows.csv")[0] == 0
+    assert [path.name for path in Path().iterdir()] == ["rows.csv"]
+
+
+def test_where_nothing_can_be_written_nothing_is_run(
+    sweep: Sweep, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "_sweep", None)
+    Path("rows.csv.lock").mkdir()  # no file can have this name, whoever asks
+    with pytest.raises(SystemExit) as exit:
+        sweep("m=1", "--output", "rows.csv")
+    assert exit.value.code == 2
+    assert ". cannot be written: unable to open database file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("full_for", [1, 100])
+def test_a_full_disk_ends_a_sweep_and_the_next_goes_on(
+    sweep: Sweep,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    native_path: Path,
+    full_for: int,
+) -> None:
+    left = iter(range(full_for))
+
+    def write(*arguments: Any) -> None:
+        if "rows.partial" in str(arguments[1]) and next(left, None) is not None:
+            raise OSError(ENOSPC, "No space left on device")
+        healthy(*arguments)
+
+    healthy = Csv.write
+    with monkeypatch.context() as patch:
+        patch.setattr(Csv, "write", write)
+        patch.setattr("validation.sweep.files.ROWS", 2)
+        arguments = ("--fmu", str(native_path), "--stop-time", "1", "--output-interval", "0.1")
+        status = command.main([*arguments, *AXES, "--output", "rows.csv", "--record", "phi"])
+    said, complained = capsys.readouterr()
+    assert (status, said) == (1, "")
+    full = "rows.csv cannot be written: No space left on device; --resume goes on"
+    assert complained.splitlines()[-1] == f"python -m validation.sweep: {full}"
+    sweep(*AXES, "--output", "rows.csv", "--record", "phi", "--resume")
+    sweep(*AXES, "--output", "whole.csv", "--record", "phi")
+    for name in ("rows", "rows.trajectories"):
+        assert same(rows_of(Path(f"{name}.csv")), rows_of(Path(f"{name.replace('rows', 'whole')}.csv")))
+
+
 class KilledError(Exception):
     """Stands for the end of the process."""
 
@@ -487,11 +556,12 @@ def test_an_interrupted_sweep_leaves_a_whole_file(
         def some(runs: Iterator[Any]) -> Iterator[Any]:
             for i, done in enumerate(executor(runs)):
                 if i == 4:
-                    raise KeyboardInterrupt
+                    signal.raise_signal(signal.SIGTERM)
                 yield done
 
         with executor_of(options, common) as executor:
             yield some
+            signal.raise_signal(signal.SIGINT)  # of someone impatient, which must not cost the report
 
     with monkeypatch.context() as patch:
         patch.setattr(command, "_executor", interrupted)
@@ -502,12 +572,3 @@ def test_an_interrupted_sweep_leaves_a_whole_file(
     assert sweep(*AXES, "--output", "rows.parquet", "--resume")[0] == 0
     sweep(*AXES, "--output", "whole.parquet")
     assert same(rows_of(Path("rows.parquet")), rows_of(Path("whole.parquet")))
-
-
-def test_the_swing_of_the_readme(fmu: Fmu, known: Interface) -> None:
-    found = row(
-        fmu, known, "phi_start=90:deg", "gamma=0", "solver.method=TaylorSeries", "solver.stepSize=0.1"
-    )
-    assert found["phi_start"] == pytest.approx(radians(90), rel=EPS, abs=0)
-    assert isinstance(found["error"], float)
-    assert found["error"] < 1e-12

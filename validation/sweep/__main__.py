@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from math import isfinite
@@ -18,8 +18,8 @@ from typing import Self
 from ..__main__ import Parser
 from ..fmu import DEFAULT_PATH, OUTPUTS, Fmu, UnusableFmuError, describe
 from ..report import screen
-from .errors import BrokenError, WrongUseError
-from .files import FORMATS, Store
+from .errors import BrokenError, WrongUseError, reason
+from .files import FORMATS, Store, locked
 from .interface import Interface, interface
 from .plan import FORMS, Common, Plan, Runs, Values, axis, of_axes, of_file
 from .row import Row, Trajectory, columns, run
@@ -37,21 +37,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         plan = _plan(options)
         _check(options)
-        store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
-        with Interrupts() as interrupts, _executor(options, plan.common) as done_by:
-            begin = perf_counter()
-            tally, reason = _sweep(plan, store, done_by, interrupts)
-            spent = perf_counter() - begin
+        with Interrupts() as interrupts, locked(options.output):
+            store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
+            with _executor(options, plan.common) as done_by:
+                begin = perf_counter()
+                tally, ended_by = _sweep(plan, store, done_by, interrupts)
+                spent = perf_counter() - begin
     except KeyboardInterrupt:
         parser.exit(INTERRUPTED, f"{parser.prog}: interrupted\n")
     except (WrongUseError, UnusableFmuError) as error:
         parser.error(str(error))
-    print(f"{tally} in {spent:.1f} s: {options.output}")
-    if reason is None:
-        return 0
-    interrupted = isinstance(reason, KeyboardInterrupt)
-    print(f"{parser.prog}: {'interrupted' if interrupted else reason}; --resume goes on", file=sys.stderr)
-    return INTERRUPTED if interrupted else 1
+    if not isinstance(ended_by, OSError):
+        print(f"{tally} in {spent:.1f} s: {options.output}")
+    match ended_by:
+        case None:
+            return 0
+        case KeyboardInterrupt():
+            said = "interrupted"
+        case OSError():
+            said = f"{options.output} cannot be written: {reason(ended_by)}"
+        case _:
+            said = str(ended_by)
+    print(f"{parser.prog}: {said}; --resume goes on", file=sys.stderr)
+    return INTERRUPTED if said == "interrupted" else 1
 
 
 def _parser() -> Parser:
@@ -152,10 +160,10 @@ def _executor(options: argparse.Namespace, common: Common) -> Iterator[Executor]
 
 
 class Interrupts:
-    """Ctrl-C, and SIGTERM, which ends batch jobs, as KeyboardInterrupt; while they are held they wait."""
+    """Ctrl-C, and SIGTERM, which ends batch jobs, as one KeyboardInterrupt; while they are held they wait."""
 
     def __init__(self) -> None:
-        self._held = self._waiting = False
+        self._held = self._waiting = self._ignored = False
 
     def __enter__(self) -> Self:
         self._before = {one: signal.signal(one, self._arrived) for one in (signal.SIGINT, signal.SIGTERM)}
@@ -166,19 +174,26 @@ class Interrupts:
             signal.signal(one, handler)
 
     def _arrived(self, *_: object) -> None:
-        if not self._held:
+        if self._held:
+            self._waiting = True
+        elif not self._ignored:
+            self._ignored = True  # those that follow would break what this one ends
             raise KeyboardInterrupt
-        self._waiting = True
 
     @contextmanager
     def held(self) -> Iterator[None]:
         """Let them wait."""
         self._held = True
-        yield
-        self._held = False
+        try:
+            yield
+        finally:
+            self._held = False
         if self._waiting:
-            self._waiting = False
-            raise KeyboardInterrupt
+            self._arrived()
+
+    def ignore(self) -> None:
+        """Hear no more of them."""
+        self._ignored = True
 
 
 @dataclass
@@ -219,7 +234,7 @@ def _sweep(
                 else:
                     yield values
 
-        reason: BaseException | None = None
+        ended_by: BaseException | None = None
         try:
             with closing(done_by(missing())) as done:
                 for row, trajectory in done:
@@ -227,12 +242,15 @@ def _sweep(
                         store.add(row, trajectory)
                         tally.add(row)
                     progress.update(task, advance=1, description=f"{tally.failed} failed")
-        except (BrokenError, KeyboardInterrupt) as error:
-            reason = error
+        except (BrokenError, KeyboardInterrupt, OSError) as error:
+            ended_by = error
         finally:
-            with suppress(KeyboardInterrupt), interrupts.held():
+            interrupts.ignore()
+            try:
                 store.close()
-    return tally, reason
+            except OSError as error:
+                ended_by = error
+    return tally, ended_by
 
 
 if __name__ == "__main__":

@@ -9,8 +9,11 @@ committed by renaming the folder.
 from __future__ import annotations
 
 import csv
+import os
 import shutil
+import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from time import monotonic
@@ -18,7 +21,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .errors import WrongUseError
+from .errors import WrongUseError, reason
 from .row import Row, Trajectory
 
 Kinds = Mapping[str, type]  # of columns: str, float or int
@@ -113,6 +116,40 @@ class Parquet:
 FORMATS: dict[str, Callable[[], Format]] = {".csv": Csv, ".parquet": Parquet}
 
 
+@contextmanager
+def locked(output: Path) -> Iterator[None]:
+    """Keep other sweeps off an output.
+
+    SQLite locks files on POSIX and Windows alike, and the system takes the lock from a process that is killed.
+
+    Raises
+    ------
+    WrongUseError : another sweep is at it, or nothing can be written beside it
+    """
+    path = output.with_name(f"{output.name}.lock")
+    connection = None
+    try:
+        connection = sqlite3.connect(path, timeout=0)
+        connection.execute("BEGIN EXCLUSIVE")
+        if not path.exists():  # the sweep before ended between both
+            raise sqlite3.OperationalError("database is locked")
+    except sqlite3.OperationalError as error:
+        if connection is not None:
+            connection.close()
+        if str(error) == "database is locked":
+            raise WrongUseError(f"{output} is in use by another sweep") from None
+        raise WrongUseError(f"{output.parent} cannot be written: {error}") from None
+    try:
+        yield
+    finally:
+        if os.name == "posix":
+            path.unlink(missing_ok=True)  # before the lock is given back: afterwards it may be another's
+        connection.close()
+        if os.name != "posix":
+            with suppress(OSError):  # another's, which is open
+                path.unlink()
+
+
 class Store:
     """The output of a sweep: `output` for the rows and, if outputs are recorded, a file of trajectories beside it.
 
@@ -158,10 +195,13 @@ class Store:
         done: set[str] = set()
         for kind, kinds in self._kinds.items():
             for path in self._written(kind):
-                if (names := self._format.names(path)) != list(kinds):
-                    raise WrongUseError(f"{path} has other columns: {', '.join(names)}")
-                if kind == "rows":
-                    done.update(self._format.runs(path))
+                try:
+                    if (names := self._format.names(path)) != list(kinds):
+                        raise WrongUseError(f"{path} has other columns: {', '.join(names)}")
+                    if kind == "rows":
+                        done.update(self._format.runs(path))
+                except (OSError, ValueError, csv.Error) as error:  # pyarrow's are ValueErrors
+                    raise WrongUseError(f"{path} cannot be read: {reason(error)}") from None
         return done
 
     def _written(self, kind: str) -> list[Path]:
@@ -198,11 +238,11 @@ class Store:
                 for name in list(self._kinds["trajectories"])[1:]
             }
         self._parts.mkdir(exist_ok=True)
-        self._number += 1
         for kind in reversed(self._kinds):  # the rows last: they say that the part is whole
             partial = self._parts / f"{kind}.partial"
             self._format.write(partial, self._kinds[kind], tables[kind])
-            partial.replace(self._parts / f"{kind}-{self._number:06d}")
+            partial.replace(self._parts / f"{kind}-{self._number + 1:06d}")
+        self._number += 1
         self._clear()
 
     def close(self) -> None:

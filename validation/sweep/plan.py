@@ -11,7 +11,7 @@ from itertools import product
 from math import prod
 from pathlib import Path
 
-from .errors import WrongUseError
+from .errors import WrongUseError, reason
 from .interface import Interface, Variable
 
 FORMS = "NAME=START:STOP:COUNT, NAME=log:START:STOP:COUNT or NAME=VALUE,VALUE,..., each with :UNIT behind it"
@@ -84,8 +84,7 @@ def of_file(path: Path, interface: Interface) -> Runs:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))
     except (OSError, UnicodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise WrongUseError(f"{path} cannot be read: {reason}") from None
+        raise WrongUseError(f"{path} cannot be read: {reason(error)}") from None
     if len(rows) < 2:
         raise WrongUseError(f"{path} has no runs: a line of names and a line a run are needed")
     heads = [head.strip().partition(":") for head in rows[0]]
