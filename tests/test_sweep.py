@@ -552,14 +552,14 @@ def test_an_interrupted_sweep_leaves_a_whole_file(
     executor_of = command._executor
 
     @contextmanager
-    def interrupted(options: Any, common: Common) -> Iterator[Any]:
+    def interrupted(*arguments: Any) -> Iterator[Any]:
         def some(runs: Iterator[Any]) -> Iterator[Any]:
             for i, done in enumerate(executor(runs)):
                 if i == 4:
                     signal.raise_signal(signal.SIGTERM)
                 yield done
 
-        with executor_of(options, common) as executor:
+        with executor_of(*arguments) as executor:
             yield some
             signal.raise_signal(signal.SIGINT)  # of someone impatient, which must not cost the report
 

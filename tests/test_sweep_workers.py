@@ -231,3 +231,36 @@ def test_control_c_leaves_a_whole_file_and_no_noise(native_path: Path, tmp_path:
     written = int(said.split(" of ")[0])
     assert len(rows_of(output)) == written > 0
     assert not parts.exists()
+
+
+SIGNALLED = """
+import os, signal, sys
+from distributed.process import AsyncProcess
+from validation.sweep.__main__ import main
+start = AsyncProcess.start
+async def signalled(self):
+    await start(self)
+    os.killpg(0, signal.SIGINT)
+AsyncProcess.start = signalled
+if __name__ == "__main__":
+    sys.exit(main())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process groups")
+def test_control_c_while_workers_start_is_one_line(native_path: Path, tmp_path: Path) -> None:
+    script = tmp_path / "signalled.py"
+    script.write_text(SIGNALLED, "utf-8")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", script, "m=1,2", "--fmu", native_path, "--jobs", "1"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        start_new_session=True,
+        check=False,
+    )
+    assert done.returncode == 130
+    assert done.stdout == ""
+    assert done.stderr == "python -m validation.sweep: interrupted\n"
+    assert list(tmp_path.iterdir()) == [script]

@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _check(options)
         with Interrupts() as interrupts, locked(options.output):
             store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
-            with _executor(options, plan.common) as done_by:
+            with _executor(options, plan, interrupts) as done_by:
                 begin = perf_counter()
                 tally, ended_by = _sweep(plan, store, done_by, interrupts)
                 spent = perf_counter() - begin
@@ -141,22 +141,24 @@ def _check(options: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _executor(options: argparse.Namespace, common: Common) -> Iterator[Executor]:
+def _executor(options: argparse.Namespace, plan: Plan, interrupts: Interrupts) -> Iterator[Executor]:
     """Yield what runs the runs: Dask, or this process where it is not installed."""
     if find_spec("distributed") is None:
         print(f"one process: more need dask.distributed, {EXTRA}", file=sys.stderr)
         with Fmu(options.fmu) as fmu:
-            yield lambda runs: (run(fmu, common, values) for values in runs)
+            yield lambda runs: (run(fmu, plan.common, values) for values in runs)
         return
     from . import workers
 
-    connection = (
-        workers.local(options.jobs) if options.scheduler is None else workers.remote(options.scheduler)
-    )
-    with connection as client:
+    jobs = min(options.jobs, plan.count)
+    with (
+        workers.local(jobs, interrupts.held())
+        if options.scheduler is None
+        else workers.remote(options.scheduler)
+    ) as client:
         if not client.nthreads():
             print(f"{options.scheduler} has no workers yet", file=sys.stderr)
-        yield lambda runs: workers.outcomes(client, options.fmu, common, runs)
+        yield lambda runs: workers.outcomes(client, options.fmu, plan.common, runs)
 
 
 class Interrupts:
