@@ -10,23 +10,28 @@ from importlib.util import find_spec
 from itertools import product
 from math import hypot, log, nan, sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from tests.conftest import Builds
+from tests.plants import PENDULUM
 from validation import references
 from validation.fmu import W0, W02, Experiment, Fmu, describe
 from validation.references import discrete
 from validation.references import taylor as taylor_series
 from validation.sweep import __main__ as command
-from validation.sweep.files import Csv, Store, locked
+from validation.sweep.files import FORMATS, Store, locked
 from validation.sweep.interface import Interface, interface
 from validation.sweep.plan import Common, axis, of_axes, of_file
 from validation.sweep.row import Row, Trajectory, columns, run
 
-pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed: pip install '.[sweep]'")
 EPS = 2.0**-52
+needs_pyarrow = pytest.mark.skipif(
+    find_spec("pyarrow") is None, reason="pyarrow is not installed: pip install '.[sweep]'"
+)
+SUFFIXES = ["csv", pytest.param("parquet", marks=needs_pyarrow)]
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +48,8 @@ def known(native_path: Path) -> Interface:
 def rows_of(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a file, numbers as numbers and what there is none of as None or ""."""
     if path.suffix == ".parquet":
+        import pyarrow.parquet as pq
+
         return pq.read_table(path).to_pylist()
     with path.open(newline="", encoding="utf-8") as file:
         return [{name: _read(text) for name, text in row.items()} for row in csv.DictReader(file)]
@@ -98,7 +105,7 @@ def test_axes_are_multiplied_and_the_last_changes_first(known: Interface) -> Non
 
 def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path) -> None:
     path = tmp_path / "runs.csv"
-    path.write_text("phi_start:deg,solver.method,gamma\n90,SDIRK4,0\n\n10,3,1e-3\n90,7,0\n", "utf-8-sig")
+    path.write_text("phi_start:deg,solver.method,gamma\n90,SDIRK4,0\n\n  \n10,3,1e-3\n90,7,0\n", "utf-8-sig")
     names, count, runs = of_file(path, known)
     assert names == ("phi_start", "solver.method", "gamma")
     assert list(runs()) == [(90 / 57.29577951308232, 7.0, 0.0), (10 / 57.29577951308232, 3.0, 1e-3)]
@@ -120,7 +127,9 @@ def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path
         (["solver.method=3:rad"], "solver.method: the FMU does not know the unit 'rad' (allowed: none)"),
         (["solver.method=RK4"], "solver.method = 'RK4': must be a number or one of ExplicitEuler, "),
         (["solver.method=1:2:3"], "solver.method = 1.5: must be a whole number or one of ExplicitEuler"),
-        (["m=1:2:0"], "m: the count is 0 (allowed: a whole number from 1 on)"),
+        (["m=1:2:0"], "m: the count is 0 (allowed: a whole number from 1 to 1000000)"),
+        (["m=1:2:1000000000"], "m: the count is 1000000000 (allowed: a whole number from 1 to 1000000)"),
+        (["m=1:2:10001", "L=1:2:10000"], "the axes make 100010000 runs (allowed: up to 100000000)"),
         (["m=1:2:2.5"], "m: the count is 2.5"),
         (["m="], "m=: the list is empty"),
         (["m=1,,2"], "m = '': must be a number"),
@@ -131,6 +140,7 @@ def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path
         (["m=1", "L=2", "m=3"], "m stands 2 times (allowed: once)"),
         (["--runs", "missing.csv"], "missing.csv cannot be read: No such file or directory"),
         (["--runs", "names.csv"], "names.csv has no runs"),
+        (["--runs", "blank.csv"], "blank.csv has no runs"),
         (["--runs", "short.csv"], "short.csv, line 3: 1 values for 2 names"),
         (["--runs", "word.csv"], "word.csv, line 2: L = 'long': must be a number"),
         (["--runs", "twice.csv"], "m stands 2 times"),
@@ -143,6 +153,15 @@ def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path
         (["m=1", "--fmu", "missing.fmu"], "missing.fmu does not exist"),
         (["m=1", "--stop-time", "0"], "--stop-time 0: must be finite and > 0"),
         (["m=1", "--output-interval", "nan"], "--output-interval nan: must be finite and > 0"),
+        (
+            ["m=1", "--output-interval", "1e-9"],
+            "--output-interval 1e-09: 1e+10 steps a run (allowed: up to 1e+08)",
+        ),
+        (["m=1", "--stop-time", "0.7", "--output-interval", "0.3"], "(the nearest that does: 0.35)"),
+        (
+            ["m=1", "--stop-time", "1", "--output-interval", "5"],
+            "--output-interval 5 does not divide --stop-time 1 (the nearest that does: 1.0)",
+        ),
         (["m=1", "--record", "phi,m"], "--record: 'm' is no output (allowed: phi, w, a, E)"),
         (["m=1", "--jobs", "0"], "--jobs 0: must be > 0"),
         (["m=1", "--scheduler", "foo://bar"], "--scheduler foo://bar: unknown address scheme 'foo'"),
@@ -160,6 +179,7 @@ def test_wrong_use_is_one_line_and_status_2(
     monkeypatch.chdir(tmp_path)
     for name, text in (
         ("names.csv", "m,L\n"),
+        ("blank.csv", "m,L\n\n \n"),
         ("short.csv", "m,L\n1,2\n3\n"),
         ("word.csv", "m,L\n1,long\n"),
         ("twice.csv", "m,m\n1,2\n"),
@@ -228,6 +248,16 @@ def test_a_row_has_the_numbers_of_a_run(fmu: Fmu, known: Interface) -> None:
     assert (found["failure"], found["warnings"]) == ("", "")
     assert isinstance(found["seconds"], float)
     assert found["seconds"] > 0
+
+
+def test_a_failure_is_the_sentence_of_the_fmu_on_either_carrier(
+    fmu: Fmu, known: Interface, builds: Builds
+) -> None:
+    with Fmu(builds.path(PENDULUM.name, "pythonfmu")) as other:
+        for axis, words in (("gamma=-1", "cannot initialize"), ("gamma=1e6", "diverged at t = ")):
+            found = [str(row(one, known, axis)["failure"]) for one in (other, fmu)]
+            assert found[0].startswith(f"DampedPendulum: {words}")
+            assert found[0].replace("DampedPendulum:", "DampedPendulumNative:") == found[1]
 
 
 def test_a_run_that_fails_is_a_row_with_the_sentence_of_the_fmu(fmu: Fmu, known: Interface) -> None:
@@ -326,6 +356,7 @@ def test_a_run_is_known_by_its_parameters_and_not_by_the_axes_that_gave_them(kno
         many.identity((0.003, 1.0)),
         Common(known, ("phi_start",), 10.0, 0.2).identity((1.0,)),
         Common(known, ("phi_start",), 9.0, 0.1).identity((1.0,)),
+        Common(known, ("phi_start",), 10.0, 0.1, series=True).identity((1.0,)),
     )
     assert few.identity((1.0,)) not in others
 
@@ -362,6 +393,7 @@ def same(rows: Sequence[dict[str, Any]], others: Sequence[dict[str, Any]]) -> bo
     ]
 
 
+@needs_pyarrow
 def test_csv_and_parquet_hold_the_same_numbers(sweep: Sweep) -> None:
     for name in ("rows.csv", "rows.parquet"):
         assert sweep(*AXES, "--output", name, "--record", "phi,E")[0] == 0
@@ -374,16 +406,16 @@ def test_csv_and_parquet_hold_the_same_numbers(sweep: Sweep) -> None:
 
 
 def test_trajectories_are_those_of_the_runs(sweep: Sweep, fmu: Fmu) -> None:
-    sweep(*AXES, "--output", "rows.parquet", "--record", "w")
-    samples = rows_of(Path("rows.trajectories.parquet"))
-    for one in rows_of(Path("rows.parquet")):
+    sweep(*AXES, "--output", "rows.csv", "--record", "w")
+    samples = rows_of(Path("rows.trajectories.csv"))
+    for one in rows_of(Path("rows.csv")):
         start = {name: one[name] for name in ("phi_start", "gamma")}
         expected = fmu.run(Experiment(1.0, 0.1, start, record=("w",)))
         found = [(sample["time"], sample["w"]) for sample in samples if sample["run"] == one["run"]]
         assert found == ([] if one["failure"] else list(zip(expected.t, expected["w"], strict=True)))
 
 
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_resume_runs_what_is_not_there(sweep: Sweep, suffix: str) -> None:
     output = f"rows.{suffix}"
     sweep(*AXES, "--output", "whole.csv")
@@ -414,6 +446,7 @@ def test_what_was_recorded_is_recorded_on(sweep: Sweep, capsys: pytest.CaptureFi
         assert words in capsys.readouterr().err
 
 
+@needs_pyarrow
 def test_a_parquet_file_that_is_none_cannot_be_resumed(
     sweep: Sweep, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -454,16 +487,16 @@ def test_a_full_disk_ends_a_sweep_and_the_next_goes_on(
     native_path: Path,
     full_for: int,
 ) -> None:
-    left = iter(range(full_for))
+    left, text_files = iter(range(full_for)), cast(Any, FORMATS[".csv"])
 
     def write(*arguments: Any) -> None:
         if "rows.partial" in str(arguments[1]) and next(left, None) is not None:
             raise OSError(ENOSPC, "No space left on device")
         healthy(*arguments)
 
-    healthy = Csv.write
+    healthy = text_files.write
     with monkeypatch.context() as patch:
-        patch.setattr(Csv, "write", write)
+        patch.setattr(text_files, "write", write)
         patch.setattr("validation.sweep.files.ROWS", 2)
         arguments = ("--fmu", str(native_path), "--stop-time", "1", "--output-interval", "0.1")
         status = command.main([*arguments, *AXES, "--output", "rows.csv", "--record", "phi"])
@@ -487,7 +520,7 @@ def some_rows(fmu: Fmu, known: Interface) -> tuple[Common, list[tuple[Row, Traje
     return common, [run(fmu, common, values) for values in runs()]
 
 
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_sweep_that_is_killed_at_any_time_has_each_row_once(
     fmu: Fmu, known: Interface, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
 ) -> None:
@@ -565,10 +598,10 @@ def test_an_interrupted_sweep_leaves_a_whole_file(
 
     with monkeypatch.context() as patch:
         patch.setattr(command, "_executor", interrupted)
-        status, said = sweep(*AXES, "--output", "rows.parquet")
+        status, said = sweep(*AXES, "--output", "rows.csv")
     assert status == 130
     assert "4 of 15 runs" in said
-    assert len(rows_of(Path("rows.parquet"))) == 4
-    assert sweep(*AXES, "--output", "rows.parquet", "--resume")[0] == 0
-    sweep(*AXES, "--output", "whole.parquet")
-    assert same(rows_of(Path("rows.parquet")), rows_of(Path("whole.parquet")))
+    assert len(rows_of(Path("rows.csv"))) == 4
+    assert sweep(*AXES, "--output", "rows.csv", "--resume")[0] == 0
+    sweep(*AXES, "--output", "whole.csv")
+    assert same(rows_of(Path("rows.csv")), rows_of(Path("whole.csv")))

@@ -46,29 +46,25 @@ class Format(Protocol):
         """Write the rows of files of the same columns into one."""
 
 
-class Csv:
+class _Csv:
     """Numbers with all of their digits, nothing where there is none."""
 
     def write(self, path: Path, kinds: Kinds, table: Table) -> None:
-        """Write a file."""
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(kinds)
             writer.writerows(zip(*(table[name] for name in kinds), strict=True))
 
     def names(self, path: Path) -> list[str]:
-        """Return the names of the columns."""
         with path.open(newline="", encoding="utf-8") as file:
             return next(csv.reader(file), [])
 
     def runs(self, path: Path) -> Iterator[str]:
-        """Yield the column `run`."""
         with path.open(newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):
                 yield row["run"]
 
     def join(self, paths: Sequence[Path], kinds: Kinds, into: Path) -> None:
-        """Write the rows of files of the same columns into one."""
         with into.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(kinds)
@@ -77,7 +73,7 @@ class Csv:
                     writer.writerows(islice(csv.reader(part), 1, None))
 
 
-class Parquet:
+class _Parquet:
     """Apache Parquet; what there is none of is null."""
 
     def __init__(self) -> None:
@@ -91,21 +87,17 @@ class Parquet:
         return self._pa.schema([(name, self._types[kind]) for name, kind in kinds.items()])
 
     def write(self, path: Path, kinds: Kinds, table: Table) -> None:
-        """Write a file."""
         self._pq.write_table(self._pa.table(dict(table), self._schema(kinds)), path)
 
     def names(self, path: Path) -> list[str]:
-        """Return the names of the columns."""
         return list(self._pq.read_schema(path).names)
 
     def runs(self, path: Path) -> Iterator[str]:
-        """Yield the column `run`."""
         with self._pq.ParquetFile(path) as file:
             for batch in file.iter_batches(CHUNK, columns=["run"]):
                 yield from batch.column(0).to_pylist()
 
     def join(self, paths: Sequence[Path], kinds: Kinds, into: Path) -> None:
-        """Write the rows of files of the same columns into one."""
         with self._pq.ParquetWriter(into, self._schema(kinds)) as writer:
             for path in paths:
                 with self._pq.ParquetFile(path) as file:
@@ -113,7 +105,7 @@ class Parquet:
                         writer.write_batch(batch)
 
 
-FORMATS: dict[str, Callable[[], Format]] = {".csv": Csv, ".parquet": Parquet}
+FORMATS: dict[str, Callable[[], Format]] = {".csv": _Csv, ".parquet": _Parquet}
 
 
 @contextmanager

@@ -26,7 +26,7 @@ import cloudpickle
 from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, get_worker
 
 from ..fmu import Fmu
-from .errors import BrokenError, WrongUseError
+from .errors import BrokenError, WrongUseError, reason
 from .plan import Common, Values
 from .row import Row, Trajectory, empty, run
 
@@ -158,7 +158,7 @@ def remote(address: str) -> Iterator[Client]:
     try:
         client = Client(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
-        raise WrongUseError(f"--scheduler {address}: {str(error) or type(error).__name__}") from None
+        raise WrongUseError(f"--scheduler {address}: {reason(error)}") from None
     with client:
         yield client
 
@@ -215,7 +215,8 @@ def outcomes(client: Client, fmu: Path, common: Common, runs: Iterator[Values]) 
     except BrokenError:
         raise
     except (Exception, CancelledError) as error:  # the workers' exceptions are of any kind
-        raise BrokenError(f"{type(error).__name__}: {error}".split("\n", 1)[0]) from error
+        kind, said = type(error).__name__, reason(error)
+        raise BrokenError(kind if said == kind else f"{kind}: {said}") from error
     finally:
         with suppress(Exception):  # the scheduler may be lost
             client.cancel([future for future, _ in waiting])
