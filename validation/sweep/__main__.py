@@ -95,7 +95,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "--series",
         action="store_true",
-        help="where no closed form is known, compare with a Taylor series in 50 digits, 0.1 to 0.2 s for a run of 10 s",
+        help="where no closed form is known, compare with a Taylor series, which takes its time",
     )
     parser.add_argument("--resume", action="store_true", help="keep the rows of FILE and run what it lacks")
     parser.add_argument(

@@ -164,7 +164,7 @@ def remote(address: str) -> Iterator[Client]:
 
 
 def outcomes(client: Client, fmu: Path, common: Common, runs: Iterator[Values]) -> Generator[Done]:
-    """Yield what each run gives, in the order of the runs; only some batches are under way at a time.
+    """Yield what each run gives, in the order of the runs but for suspects; some batches are under way at a time.
 
     The batches of a worker whose process ends are given to others. A batch that several workers ended with is suspect:
     its runs are repeated behind all others, each alone, so that one that ends every worker is told from its neighbours.
