@@ -6,7 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from threading import Event
@@ -58,9 +58,9 @@ def process(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 class Cluster:
-    """A scheduler and two workers on loopback, which share no folder."""
+    """A scheduler and its workers on loopback, which share no folder."""
 
-    def __init__(self, folder: Path, stack: ExitStack) -> None:
+    def __init__(self, folder: Path, stack: ExitStack, names: Sequence[str] = NAMES) -> None:
         file = folder / "scheduler.json"
         where = ("--scheduler-file", str(file))
         scheduler = ("--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0")
@@ -73,7 +73,7 @@ class Cluster:
                     *("--local-directory", str(folder / name)),
                 )
             )
-            for name in NAMES
+            for name in names
         ]
         self.folder = folder
         until(lambda: file.exists() and file.read_text("utf-8").endswith("}"))
@@ -122,11 +122,12 @@ def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_lost_scheduler_ends_the_sweep_with_its_reason(native_path: Path, cluster: Cluster) -> None:
+def test_a_lost_scheduler_ends_the_sweep_with_its_reason(native_path: Path, tmp_path: Path) -> None:
     asked = plan(native_path, "phi_start=10:170:1000:deg")
     rows = []
-    with workers.remote(cluster.address) as client:
-        client.wait_for_workers(1, timeout=PATIENCE)
+    with ExitStack() as stack:
+        cluster = Cluster(tmp_path, stack, NAMES[:1])
+        client = stack.enter_context(workers.remote(cluster.address))
         done = workers.outcomes(client, native_path, asked.common, asked.runs())
         rows += [next(done) for _ in range(5)]
         cluster.scheduler.kill()
