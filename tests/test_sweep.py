@@ -2,29 +2,36 @@
 
 import csv
 import shutil
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from errno import ENOSPC
 from importlib.util import find_spec
 from itertools import product
-from math import hypot, log, nan, radians, sqrt
+from math import hypot, log, nan, sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from tests.conftest import Builds
+from tests.plants import PENDULUM
 from validation import references
 from validation.fmu import W0, W02, Experiment, Fmu, describe
 from validation.references import discrete
 from validation.references import taylor as taylor_series
 from validation.sweep import __main__ as command
-from validation.sweep.files import Store
+from validation.sweep.files import FORMATS, Store, locked
 from validation.sweep.interface import Interface, interface
 from validation.sweep.plan import Common, axis, of_axes, of_file
 from validation.sweep.row import Row, Trajectory, columns, run
 
-pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed: pip install '.[sweep]'")
 EPS = 2.0**-52
+needs_pyarrow = pytest.mark.skipif(
+    find_spec("pyarrow") is None, reason="pyarrow is not installed: pip install '.[sweep]'"
+)
+SUFFIXES = ["csv", pytest.param("parquet", marks=needs_pyarrow)]
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +48,8 @@ def known(native_path: Path) -> Interface:
 def rows_of(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a file, numbers as numbers and what there is none of as None or ""."""
     if path.suffix == ".parquet":
+        import pyarrow.parquet as pq
+
         return pq.read_table(path).to_pylist()
     with path.open(newline="", encoding="utf-8") as file:
         return [{name: _read(text) for name, text in row.items()} for row in csv.DictReader(file)]
@@ -96,7 +105,7 @@ def test_axes_are_multiplied_and_the_last_changes_first(known: Interface) -> Non
 
 def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path) -> None:
     path = tmp_path / "runs.csv"
-    path.write_text("phi_start:deg,solver.method,gamma\n90,SDIRK4,0\n\n10,3,1e-3\n90,7,0\n", "utf-8-sig")
+    path.write_text("phi_start:deg,solver.method,gamma\n90,SDIRK4,0\n\n  \n10,3,1e-3\n90,7,0\n", "utf-8-sig")
     names, count, runs = of_file(path, known)
     assert names == ("phi_start", "solver.method", "gamma")
     assert list(runs()) == [(90 / 57.29577951308232, 7.0, 0.0), (10 / 57.29577951308232, 3.0, 1e-3)]
@@ -118,7 +127,9 @@ def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path
         (["solver.method=3:rad"], "solver.method: the FMU does not know the unit 'rad' (allowed: none)"),
         (["solver.method=RK4"], "solver.method = 'RK4': must be a number or one of ExplicitEuler, "),
         (["solver.method=1:2:3"], "solver.method = 1.5: must be a whole number or one of ExplicitEuler"),
-        (["m=1:2:0"], "m: the count is 0 (allowed: a whole number from 1 on)"),
+        (["m=1:2:0"], "m: the count is 0 (allowed: a whole number from 1 to 1000000)"),
+        (["m=1:2:1000000000"], "m: the count is 1000000000 (allowed: a whole number from 1 to 1000000)"),
+        (["m=1:2:10001", "L=1:2:10000"], "the axes make 100010000 runs (allowed: up to 100000000)"),
         (["m=1:2:2.5"], "m: the count is 2.5"),
         (["m="], "m=: the list is empty"),
         (["m=1,,2"], "m = '': must be a number"),
@@ -129,6 +140,7 @@ def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path
         (["m=1", "L=2", "m=3"], "m stands 2 times (allowed: once)"),
         (["--runs", "missing.csv"], "missing.csv cannot be read: No such file or directory"),
         (["--runs", "names.csv"], "names.csv has no runs"),
+        (["--runs", "blank.csv"], "blank.csv has no runs"),
         (["--runs", "short.csv"], "short.csv, line 3: 1 values for 2 names"),
         (["--runs", "word.csv"], "word.csv, line 2: L = 'long': must be a number"),
         (["--runs", "twice.csv"], "m stands 2 times"),
@@ -136,9 +148,20 @@ def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path
         (["m=1", "--output", "nowhere/rows.csv"], "--output nowhere/rows.csv: nowhere is no directory"),
         (["m=1", "--output", "names.csv"], "names.csv is there already (--resume goes on with it)"),
         (["m=1", "--output", "names.csv", "--resume"], "names.csv has other columns: m, L"),
+        (["m=1", "--output", "folder.csv", "--resume"], "folder.csv cannot be read: Is a directory"),
+        (["m=1", "--output", "latin.csv", "--resume"], "latin.csv cannot be read: 'utf-8' codec"),
         (["m=1", "--fmu", "missing.fmu"], "missing.fmu does not exist"),
         (["m=1", "--stop-time", "0"], "--stop-time 0: must be finite and > 0"),
         (["m=1", "--output-interval", "nan"], "--output-interval nan: must be finite and > 0"),
+        (
+            ["m=1", "--output-interval", "1e-9"],
+            "--output-interval 1e-09: 1e+10 steps a run (allowed: up to 1e+08)",
+        ),
+        (["m=1", "--stop-time", "0.7", "--output-interval", "0.3"], "(the nearest that does: 0.35)"),
+        (
+            ["m=1", "--stop-time", "1", "--output-interval", "5"],
+            "--output-interval 5 does not divide --stop-time 1 (the nearest that does: 1.0)",
+        ),
         (["m=1", "--record", "phi,m"], "--record: 'm' is no output (allowed: phi, w, a, E)"),
         (["m=1", "--jobs", "0"], "--jobs 0: must be > 0"),
         (["m=1", "--scheduler", "foo://bar"], "--scheduler foo://bar: unknown address scheme 'foo'"),
@@ -156,11 +179,14 @@ def test_wrong_use_is_one_line_and_status_2(
     monkeypatch.chdir(tmp_path)
     for name, text in (
         ("names.csv", "m,L\n"),
+        ("blank.csv", "m,L\n\n \n"),
         ("short.csv", "m,L\n1,2\n3\n"),
         ("word.csv", "m,L\n1,long\n"),
         ("twice.csv", "m,m\n1,2\n"),
     ):
         Path(name).write_text(text, "utf-8")
+    Path("latin.csv").write_bytes(b"\xe4\n")
+    Path("folder.csv").mkdir()
     before = sorted(tmp_path.iterdir())
     with pytest.raises(SystemExit) as exit:
         command.main(["--fmu", str(native_path), *arguments])
@@ -222,6 +248,16 @@ def test_a_row_has_the_numbers_of_a_run(fmu: Fmu, known: Interface) -> None:
     assert (found["failure"], found["warnings"]) == ("", "")
     assert isinstance(found["seconds"], float)
     assert found["seconds"] > 0
+
+
+def test_a_failure_is_the_sentence_of_the_fmu_on_either_carrier(
+    fmu: Fmu, known: Interface, builds: Builds
+) -> None:
+    with Fmu(builds.path(PENDULUM.name, "pythonfmu")) as other:
+        for axis, words in (("gamma=-1", "cannot initialize"), ("gamma=1e6", "diverged at t = ")):
+            found = [str(row(one, known, axis)["failure"]) for one in (other, fmu)]
+            assert found[0].startswith(f"DampedPendulum: {words}")
+            assert found[0].replace("DampedPendulum:", "DampedPendulumNative:") == found[1]
 
 
 def test_a_run_that_fails_is_a_row_with_the_sentence_of_the_fmu(fmu: Fmu, known: Interface) -> None:
@@ -320,6 +356,7 @@ def test_a_run_is_known_by_its_parameters_and_not_by_the_axes_that_gave_them(kno
         many.identity((0.003, 1.0)),
         Common(known, ("phi_start",), 10.0, 0.2).identity((1.0,)),
         Common(known, ("phi_start",), 9.0, 0.1).identity((1.0,)),
+        Common(known, ("phi_start",), 10.0, 0.1, series=True).identity((1.0,)),
     )
     assert few.identity((1.0,)) not in others
 
@@ -356,6 +393,7 @@ def same(rows: Sequence[dict[str, Any]], others: Sequence[dict[str, Any]]) -> bo
     ]
 
 
+@needs_pyarrow
 def test_csv_and_parquet_hold_the_same_numbers(sweep: Sweep) -> None:
     for name in ("rows.csv", "rows.parquet"):
         assert sweep(*AXES, "--output", name, "--record", "phi,E")[0] == 0
@@ -368,16 +406,16 @@ def test_csv_and_parquet_hold_the_same_numbers(sweep: Sweep) -> None:
 
 
 def test_trajectories_are_those_of_the_runs(sweep: Sweep, fmu: Fmu) -> None:
-    sweep(*AXES, "--output", "rows.parquet", "--record", "w")
-    samples = rows_of(Path("rows.trajectories.parquet"))
-    for one in rows_of(Path("rows.parquet")):
+    sweep(*AXES, "--output", "rows.csv", "--record", "w")
+    samples = rows_of(Path("rows.trajectories.csv"))
+    for one in rows_of(Path("rows.csv")):
         start = {name: one[name] for name in ("phi_start", "gamma")}
         expected = fmu.run(Experiment(1.0, 0.1, start, record=("w",)))
         found = [(sample["time"], sample["w"]) for sample in samples if sample["run"] == one["run"]]
         assert found == ([] if one["failure"] else list(zip(expected.t, expected["w"], strict=True)))
 
 
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_resume_runs_what_is_not_there(sweep: Sweep, suffix: str) -> None:
     output = f"rows.{suffix}"
     sweep(*AXES, "--output", "whole.csv")
@@ -408,6 +446,70 @@ def test_what_was_recorded_is_recorded_on(sweep: Sweep, capsys: pytest.CaptureFi
         assert words in capsys.readouterr().err
 
 
+@needs_pyarrow
+def test_a_parquet_file_that_is_none_cannot_be_resumed(
+    sweep: Sweep, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("rows.parquet").write_text("junk\n", "utf-8")
+    with pytest.raises(SystemExit):
+        sweep("m=1", "--output", "rows.parquet", "--resume")
+    assert "rows.parquet cannot be read: " in capsys.readouterr().err
+
+
+def test_an_output_takes_one_sweep_at_a_time(sweep: Sweep, capsys: pytest.CaptureFixture[str]) -> None:
+    with locked(Path("rows.csv")):
+        for resume in ([], ["--resume"]):
+            with pytest.raises(SystemExit) as exit:
+                sweep("m=1", "--output", "rows.csv", *resume)
+            assert exit.value.code == 2
+            assert "rows.csv is in use by another sweep" in capsys.readouterr().err
+    Path("rows.csv.lock").touch()  # as a sweep that was killed leaves it
+    assert sweep("m=1", "--output", "rows.csv")[0] == 0
+    assert [path.name for path in Path().iterdir()] == ["rows.csv"]
+
+
+def test_where_nothing_can_be_written_nothing_is_run(
+    sweep: Sweep, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "_sweep", None)
+    Path("rows.csv.lock").mkdir()  # no file can have this name, whoever asks
+    with pytest.raises(SystemExit) as exit:
+        sweep("m=1", "--output", "rows.csv")
+    assert exit.value.code == 2
+    assert ". cannot be written: unable to open database file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("full_for", [1, 100])
+def test_a_full_disk_ends_a_sweep_and_the_next_goes_on(
+    sweep: Sweep,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    native_path: Path,
+    full_for: int,
+) -> None:
+    left, text_files = iter(range(full_for)), cast(Any, FORMATS[".csv"])
+
+    def write(*arguments: Any) -> None:
+        if "rows.partial" in str(arguments[1]) and next(left, None) is not None:
+            raise OSError(ENOSPC, "No space left on device")
+        healthy(*arguments)
+
+    healthy = text_files.write
+    with monkeypatch.context() as patch:
+        patch.setattr(text_files, "write", write)
+        patch.setattr("validation.sweep.files.ROWS", 2)
+        arguments = ("--fmu", str(native_path), "--stop-time", "1", "--output-interval", "0.1")
+        status = command.main([*arguments, *AXES, "--output", "rows.csv", "--record", "phi"])
+    said, complained = capsys.readouterr()
+    assert (status, said) == (1, "")
+    full = "rows.csv cannot be written: No space left on device; --resume goes on"
+    assert complained.splitlines()[-1] == f"python -m validation.sweep: {full}"
+    sweep(*AXES, "--output", "rows.csv", "--record", "phi", "--resume")
+    sweep(*AXES, "--output", "whole.csv", "--record", "phi")
+    for name in ("rows", "rows.trajectories"):
+        assert same(rows_of(Path(f"{name}.csv")), rows_of(Path(f"{name.replace('rows', 'whole')}.csv")))
+
+
 class KilledError(Exception):
     """Stands for the end of the process."""
 
@@ -418,7 +520,7 @@ def some_rows(fmu: Fmu, known: Interface) -> tuple[Common, list[tuple[Row, Traje
     return common, [run(fmu, common, values) for values in runs()]
 
 
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_sweep_that_is_killed_at_any_time_has_each_row_once(
     fmu: Fmu, known: Interface, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
 ) -> None:
@@ -483,31 +585,23 @@ def test_an_interrupted_sweep_leaves_a_whole_file(
     executor_of = command._executor
 
     @contextmanager
-    def interrupted(options: Any, common: Common) -> Iterator[Any]:
+    def interrupted(*arguments: Any) -> Iterator[Any]:
         def some(runs: Iterator[Any]) -> Iterator[Any]:
             for i, done in enumerate(executor(runs)):
                 if i == 4:
-                    raise KeyboardInterrupt
+                    signal.raise_signal(signal.SIGTERM)
                 yield done
 
-        with executor_of(options, common) as executor:
+        with executor_of(*arguments) as executor:
             yield some
+            signal.raise_signal(signal.SIGINT)  # of someone impatient, which must not cost the report
 
     with monkeypatch.context() as patch:
         patch.setattr(command, "_executor", interrupted)
-        status, said = sweep(*AXES, "--output", "rows.parquet")
+        status, said = sweep(*AXES, "--output", "rows.csv")
     assert status == 130
     assert "4 of 15 runs" in said
-    assert len(rows_of(Path("rows.parquet"))) == 4
-    assert sweep(*AXES, "--output", "rows.parquet", "--resume")[0] == 0
-    sweep(*AXES, "--output", "whole.parquet")
-    assert same(rows_of(Path("rows.parquet")), rows_of(Path("whole.parquet")))
-
-
-def test_the_swing_of_the_readme(fmu: Fmu, known: Interface) -> None:
-    found = row(
-        fmu, known, "phi_start=90:deg", "gamma=0", "solver.method=TaylorSeries", "solver.stepSize=0.1"
-    )
-    assert found["phi_start"] == pytest.approx(radians(90), rel=EPS, abs=0)
-    assert isinstance(found["error"], float)
-    assert found["error"] < 1e-12
+    assert len(rows_of(Path("rows.csv"))) == 4
+    assert sweep(*AXES, "--output", "rows.csv", "--resume")[0] == 0
+    sweep(*AXES, "--output", "whole.csv")
+    assert same(rows_of(Path("rows.csv")), rows_of(Path("whole.csv")))

@@ -6,17 +6,17 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from threading import Event
-from typing import Any
 
 import pytest
 
 import build_fmu
 from tests.test_sweep import rows_of, same
 from validation.fmu import Experiment, Fmu, describe
+from validation.sweep.__main__ import main
 from validation.sweep.errors import BrokenError, WrongUseError
 from validation.sweep.interface import interface
 from validation.sweep.plan import Common, Plan, axis, of_axes
@@ -26,6 +26,7 @@ workers = pytest.importorskip(
     "validation.sweep.workers", reason="Dask is not installed", exc_type=ImportError
 )
 ROOT = Path(__file__).resolve().parent.parent
+NAMES = ("one", "two")  # of the workers of a cluster
 PATIENCE = 300.0  # for processes to start on a busy machine [s]
 
 
@@ -57,9 +58,9 @@ def process(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 class Cluster:
-    """A scheduler and two workers on loopback, which share no folder."""
+    """A scheduler and its workers on loopback, which share no folder."""
 
-    def __init__(self, folder: Path, stack: ExitStack) -> None:
+    def __init__(self, folder: Path, stack: ExitStack, names: Sequence[str] = NAMES) -> None:
         file = folder / "scheduler.json"
         where = ("--scheduler-file", str(file))
         scheduler = ("--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0")
@@ -72,7 +73,7 @@ class Cluster:
                     *("--local-directory", str(folder / name)),
                 )
             )
-            for name in ("one", "two")
+            for name in names
         ]
         self.folder = folder
         until(lambda: file.exists() and file.read_text("utf-8").endswith("}"))
@@ -87,52 +88,17 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
         yield Cluster(folder, stack)
 
 
-def command(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-W", "error", "-m", "validation.sweep", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        check=False,
-        **options,
-    )
-
-
-def test_each_row_is_there_once_when_a_worker_is_killed(native_path: Path, cluster: Cluster) -> None:
-    asked = plan(native_path, "phi_start=10:170:400:deg", "gamma=-1,0,0.002", stop=10.0)
-    with workers.remote(cluster.address) as client:
-        client.wait_for_workers(2, timeout=PATIENCE)
-        victims = {info["name"]: address for address, info in client.scheduler_info()["workers"].items()}
-        killed_with = 0
-        rows = []
-        for row, _ in workers.outcomes(client, native_path, asked.common, asked.runs()):
-            rows.append(row)
-            if not killed_with and len(rows) > 20:
-                killed_with = len(client.processing()[victims["one"]])
-                if killed_with:
-                    os.kill(cluster.workers[0].pid, signal.SIGKILL)
-        left = client.nthreads()
-    assert killed_with > 0
-    assert list(left) == [victims["two"]]
-    assert [row["run"] for row in rows] == [asked.common.identity(values) for values in asked.runs()]
-    assert [bool(row["failure"]) for row in rows] == [row["gamma"] == -1 for row in rows]
-    # What is left of the sweep on the disks of the workers is that of the killed one.
-    assert list((cluster.folder / "two").rglob("sweep*")) == []
-
-
 def test_the_numbers_are_the_same_here_on_a_cluster_and_without_dask(
-    native_path: Path, cluster: Cluster, tmp_path: Path
+    native_path: Path, cluster: Cluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     axes = ("phi_start=10:170:4:deg", "solver.method=ExplicitRungeKutta4,SDIRK4", "gamma=-1,0,0.002")
-    options = (*axes, "--fmu", native_path, "--stop-time", "1", "--output-interval", "0.01")
-    here = command(*options, "--output", tmp_path / "here.csv", "--jobs", "2")
-    there = command(*options, "--output", tmp_path / "there.parquet", "--scheduler", cluster.address)
-    for done in (here, there):
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.startswith("24 of 24 runs (8 failed, 0 with a warning)")
-        assert done.stderr.replace(f"{cluster.address} has no workers yet\n", "") == ""
+    options = (*axes, "--fmu", str(native_path), "--stop-time", "1", "--output-interval", "0.01")
+    places = {"here": ("--jobs", "2"), "there": ("--scheduler", cluster.address)}
+    for name, place in places.items():
+        assert main([*options, "--output", str(tmp_path / f"{name}.csv"), *place]) == 0
+        assert capsys.readouterr().out.startswith("24 of 24 runs (8 failed, 0 with a warning)")
     rows = rows_of(tmp_path / "here.csv")
-    assert same(rows, rows_of(tmp_path / "there.parquet"))
+    assert same(rows, rows_of(tmp_path / "there.csv"))
     with Fmu(native_path) as fmu:
         for row in rows:
             method = 3 if row["solver.method"] == "ExplicitRungeKutta4" else 7
@@ -156,11 +122,12 @@ def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_lost_scheduler_ends_the_sweep_with_its_reason(native_path: Path, cluster: Cluster) -> None:
+def test_a_lost_scheduler_ends_the_sweep_with_its_reason(native_path: Path, tmp_path: Path) -> None:
     asked = plan(native_path, "phi_start=10:170:1000:deg")
     rows = []
-    with workers.remote(cluster.address) as client:
-        client.wait_for_workers(1, timeout=PATIENCE)
+    with ExitStack() as stack:
+        cluster = Cluster(tmp_path, stack, NAMES[:1])
+        client = stack.enter_context(workers.remote(cluster.address))
         done = workers.outcomes(client, native_path, asked.common, asked.runs())
         rows += [next(done) for _ in range(5)]
         cluster.scheduler.kill()
@@ -169,26 +136,40 @@ def test_a_lost_scheduler_ends_the_sweep_with_its_reason(native_path: Path, clus
     assert len(rows) < 1000
 
 
-DEADLY = (
-    "            drive = tau / J\n",
-    "            drive = tau / J if self.gamma != 0.25 else __import__('os')._exit(3)\n",
-)
+DEADLY = """\
+            if self.gamma == 0.25 or (self.gamma == 0.75 and not __import__("os").path.exists({once!r})):
+                open({once!r}, "w").close()
+                __import__("os").kill(__import__("os").getpid(), 9)
+"""
 
 
-@pytest.fixture(scope="module")
-def deadly(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return an FMU that ends its process where gamma is 0.25."""
-    folder = tmp_path_factory.mktemp("deadly")
-    shutil.copytree(build_fmu.SOURCES, folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
-    model = folder / "src" / "damped_pendulum" / "model.py"
-    text = model.read_text("utf-8")
-    assert text.count(DEADLY[0]) == 1
-    model.write_text(text.replace(*DEADLY), "utf-8")
-    return build_fmu.build(folder / "deadly.fmu", folder / "src")
+@pytest.fixture
+def deadly(tmp_path: Path) -> Path:
+    """Return an FMU that kills its process where gamma is 0.25, and the first time where it is 0.75."""
+    shutil.copytree(build_fmu.SOURCES, tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    model = tmp_path / "src" / "damped_pendulum" / "model.py"
+    text, before = model.read_text("utf-8"), "            drive = tau / J\n"
+    assert text.count(before) == 1
+    model.write_text(text.replace(before, DEADLY.format(once=str(tmp_path / "once")) + before), "utf-8")
+    return build_fmu.build(tmp_path / "deadly.fmu", tmp_path / "src")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no signal ends a process without its help")
+def test_each_row_is_there_once_when_a_worker_is_killed(deadly: Path, cluster: Cluster) -> None:
+    asked = plan(deadly, "phi_start=10:170:10:deg", "gamma=-1,0.75", stop=0.1)
+    with workers.remote(cluster.address) as client:
+        rows = [row for row, _ in workers.outcomes(client, deadly, asked.common, asked.runs())]
+    # Its runs were done by the other one, which is there still and has tidied its disk.
+    until(lambda: [one.poll() for one in cluster.workers].count(None) == 1)
+    names = [name for name, one in zip(NAMES, cluster.workers, strict=True) if one.poll() is None]
+    assert [row["run"] for row in rows] == [asked.common.identity(values) for values in asked.runs()]
+    assert [bool(row["failure"]) for row in rows] == [row["gamma"] == -1 for row in rows]
+    assert list((cluster.folder / names[0]).rglob("sweep*")) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signal ends a process without its help")
 def test_a_run_that_ends_its_process_is_a_row(deadly: Path) -> None:
-    asked = plan(deadly, "gamma=0:0.5:11", stop=0.1)
+    asked = plan(deadly, "gamma=0,0.25,0.5", stop=0.1)
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}), workers.local(1) as client:
         rows = [row for row, _ in workers.outcomes(client, deadly, asked.common, asked.runs())]
     assert sorted(row["run"] for row in rows) == sorted(map(asked.common.identity, asked.runs()))
@@ -207,6 +188,8 @@ def test_control_c_leaves_a_whole_file_and_no_noise(native_path: Path, tmp_path:
         output,
         "--jobs",
         "1",
+        "--output-interval",
+        "0.001",  # a part is full of samples after some runs
         "--record",
         "phi",
     )
@@ -231,3 +214,36 @@ def test_control_c_leaves_a_whole_file_and_no_noise(native_path: Path, tmp_path:
     written = int(said.split(" of ")[0])
     assert len(rows_of(output)) == written > 0
     assert not parts.exists()
+
+
+SIGNALLED = """
+import os, signal, sys
+from distributed.process import AsyncProcess
+from validation.sweep.__main__ import main
+start = AsyncProcess.start
+async def signalled(self):
+    await start(self)
+    os.killpg(0, signal.SIGINT)
+AsyncProcess.start = signalled
+if __name__ == "__main__":
+    sys.exit(main())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process groups")
+def test_control_c_while_workers_start_is_one_line(native_path: Path, tmp_path: Path) -> None:
+    script = tmp_path / "signalled.py"
+    script.write_text(SIGNALLED, "utf-8")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", script, "m=1,2", "--fmu", native_path, "--jobs", "1"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        start_new_session=True,
+        check=False,
+    )
+    assert done.returncode == 130
+    assert done.stdout == ""
+    assert done.stderr == "python -m validation.sweep: interrupted\n"
+    assert list(tmp_path.iterdir()) == [script]

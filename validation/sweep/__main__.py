@@ -7,10 +7,10 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
-from math import isfinite
+from math import ceil, floor, isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import Self
@@ -18,14 +18,16 @@ from typing import Self
 from ..__main__ import Parser
 from ..fmu import DEFAULT_PATH, OUTPUTS, Fmu, UnusableFmuError, describe
 from ..report import screen
-from .errors import BrokenError, WrongUseError
-from .files import FORMATS, Store
+from .errors import BrokenError, WrongUseError, reason
+from .files import FORMATS, Store, locked
 from .interface import Interface, interface
 from .plan import FORMS, Common, Plan, Runs, Values, axis, of_axes, of_file
 from .row import Row, Trajectory, columns, run
 
 EXTRA = "pip install '.[sweep]'"
 INTERRUPTED = 130  # exit status, as shells have it
+MOST_STEPS = 1e8  # of a run, whose communication points are in memory
+DIVIDES = 1e-9  # relative: decimal numbers are rounded, and nobody writes them with more digits
 Outcomes = Generator[tuple[Row, Trajectory | None]]
 Executor = Callable[[Iterator[Values]], Outcomes]
 
@@ -37,21 +39,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         plan = _plan(options)
         _check(options)
-        store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
-        with Interrupts() as interrupts, _executor(options, plan.common) as done_by:
-            begin = perf_counter()
-            tally, reason = _sweep(plan, store, done_by, interrupts)
-            spent = perf_counter() - begin
+        with Interrupts() as interrupts, locked(options.output):
+            store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
+            with _executor(options, plan, interrupts) as done_by:
+                begin = perf_counter()
+                tally, ended_by = _sweep(plan, store, done_by, interrupts)
+                spent = perf_counter() - begin
     except KeyboardInterrupt:
         parser.exit(INTERRUPTED, f"{parser.prog}: interrupted\n")
     except (WrongUseError, UnusableFmuError) as error:
         parser.error(str(error))
-    print(f"{tally} in {spent:.1f} s: {options.output}")
-    if reason is None:
-        return 0
-    interrupted = isinstance(reason, KeyboardInterrupt)
-    print(f"{parser.prog}: {'interrupted' if interrupted else reason}; --resume goes on", file=sys.stderr)
-    return INTERRUPTED if interrupted else 1
+    if not isinstance(ended_by, OSError):
+        print(f"{tally} in {spent:.1f} s: {options.output}")
+    match ended_by:
+        case None:
+            return 0
+        case KeyboardInterrupt():
+            said = "interrupted"
+        case OSError():
+            said = f"{options.output} cannot be written: {reason(ended_by)}"
+        case _:
+            said = str(ended_by)
+    print(f"{parser.prog}: {said}; --resume goes on", file=sys.stderr)
+    return INTERRUPTED if said == "interrupted" else 1
 
 
 def _parser() -> Parser:
@@ -85,7 +95,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "--series",
         action="store_true",
-        help="where no closed form is known, compare with a Taylor series in 50 digits, most of a second a run",
+        help="where no closed form is known, compare with a Taylor series, which takes its time",
     )
     parser.add_argument("--resume", action="store_true", help="keep the rows of FILE and run what it lacks")
     parser.add_argument(
@@ -107,10 +117,24 @@ def _plan(options: argparse.Namespace) -> Plan:
     for name, value in (("--stop-time", stop), ("--output-interval", interval)):
         if not (isfinite(value) and value > 0):
             raise WrongUseError(f"{name} {value:g}: must be finite and > 0")
+    _check_steps(stop, interval)
     for name in options.record:
         if name not in OUTPUTS:
             raise WrongUseError(f"--record: {name!r} is no output (allowed: {', '.join(OUTPUTS)})")
     return Plan(Common(known, names, stop, interval, options.record, options.series), count, runs)
+
+
+def _check_steps(stop: float, interval: float) -> None:
+    """Refuse a communication step that does not divide the end, or divides it too finely."""
+    steps = stop / interval
+    if steps > MOST_STEPS:
+        raise WrongUseError(
+            f"--output-interval {interval:g}: {steps:.4g} steps a run (allowed: up to {MOST_STEPS:g})"
+        )
+    if abs(steps - round(steps)) > DIVIDES * steps:
+        nearest = min((stop / n for n in (floor(steps), ceil(steps)) if n), key=lambda x: abs(x - interval))
+        what = f"--output-interval {interval:g} does not divide --stop-time {stop:g}"
+        raise WrongUseError(f"{what} (the nearest that does: {nearest!r})")
 
 
 def _runs(options: argparse.Namespace, known: Interface) -> Runs:
@@ -133,29 +157,31 @@ def _check(options: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _executor(options: argparse.Namespace, common: Common) -> Iterator[Executor]:
+def _executor(options: argparse.Namespace, plan: Plan, interrupts: Interrupts) -> Iterator[Executor]:
     """Yield what runs the runs: Dask, or this process where it is not installed."""
     if find_spec("distributed") is None:
         print(f"one process: more need dask.distributed, {EXTRA}", file=sys.stderr)
         with Fmu(options.fmu) as fmu:
-            yield lambda runs: (run(fmu, common, values) for values in runs)
+            yield lambda runs: (run(fmu, plan.common, values) for values in runs)
         return
     from . import workers
 
-    connection = (
-        workers.local(options.jobs) if options.scheduler is None else workers.remote(options.scheduler)
-    )
-    with connection as client:
+    jobs = min(options.jobs, plan.count)
+    with (
+        workers.local(jobs, interrupts.held())
+        if options.scheduler is None
+        else workers.remote(options.scheduler)
+    ) as client:
         if not client.nthreads():
             print(f"{options.scheduler} has no workers yet", file=sys.stderr)
-        yield lambda runs: workers.outcomes(client, options.fmu, common, runs)
+        yield lambda runs: workers.outcomes(client, options.fmu, plan.common, runs)
 
 
 class Interrupts:
-    """Ctrl-C, and SIGTERM, which ends batch jobs, as KeyboardInterrupt; while they are held they wait."""
+    """Ctrl-C, and SIGTERM, which ends batch jobs, as one KeyboardInterrupt; while they are held they wait."""
 
     def __init__(self) -> None:
-        self._held = self._waiting = False
+        self._held = self._waiting = self._ignored = False
 
     def __enter__(self) -> Self:
         self._before = {one: signal.signal(one, self._arrived) for one in (signal.SIGINT, signal.SIGTERM)}
@@ -166,19 +192,26 @@ class Interrupts:
             signal.signal(one, handler)
 
     def _arrived(self, *_: object) -> None:
-        if not self._held:
+        if self._held:
+            self._waiting = True
+        elif not self._ignored:
+            self._ignored = True  # those that follow would break what this one ends
             raise KeyboardInterrupt
-        self._waiting = True
 
     @contextmanager
     def held(self) -> Iterator[None]:
         """Let them wait."""
         self._held = True
-        yield
-        self._held = False
+        try:
+            yield
+        finally:
+            self._held = False
         if self._waiting:
-            self._waiting = False
-            raise KeyboardInterrupt
+            self._arrived()
+
+    def ignore(self) -> None:
+        """Hear no more of them."""
+        self._ignored = True
 
 
 @dataclass
@@ -219,7 +252,7 @@ def _sweep(
                 else:
                     yield values
 
-        reason: BaseException | None = None
+        ended_by: BaseException | None = None
         try:
             with closing(done_by(missing())) as done:
                 for row, trajectory in done:
@@ -227,12 +260,15 @@ def _sweep(
                         store.add(row, trajectory)
                         tally.add(row)
                     progress.update(task, advance=1, description=f"{tally.failed} failed")
-        except (BrokenError, KeyboardInterrupt) as error:
-            reason = error
+        except (BrokenError, KeyboardInterrupt, OSError) as error:
+            ended_by = error
         finally:
-            with suppress(KeyboardInterrupt), interrupts.held():
+            interrupts.ignore()
+            try:
                 store.close()
-    return tally, reason
+            except OSError as error:
+                ended_by = error
+    return tally, ended_by
 
 
 if __name__ == "__main__":

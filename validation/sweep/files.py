@@ -9,8 +9,11 @@ committed by renaming the folder.
 from __future__ import annotations
 
 import csv
+import os
 import shutil
+import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from time import monotonic
@@ -18,7 +21,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .errors import WrongUseError
+from .errors import WrongUseError, reason
 from .row import Row, Trajectory
 
 Kinds = Mapping[str, type]  # of columns: str, float or int
@@ -43,29 +46,25 @@ class Format(Protocol):
         """Write the rows of files of the same columns into one."""
 
 
-class Csv:
+class _Csv:
     """Numbers with all of their digits, nothing where there is none."""
 
     def write(self, path: Path, kinds: Kinds, table: Table) -> None:
-        """Write a file."""
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(kinds)
             writer.writerows(zip(*(table[name] for name in kinds), strict=True))
 
     def names(self, path: Path) -> list[str]:
-        """Return the names of the columns."""
         with path.open(newline="", encoding="utf-8") as file:
             return next(csv.reader(file), [])
 
     def runs(self, path: Path) -> Iterator[str]:
-        """Yield the column `run`."""
         with path.open(newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):
                 yield row["run"]
 
     def join(self, paths: Sequence[Path], kinds: Kinds, into: Path) -> None:
-        """Write the rows of files of the same columns into one."""
         with into.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(kinds)
@@ -74,7 +73,7 @@ class Csv:
                     writer.writerows(islice(csv.reader(part), 1, None))
 
 
-class Parquet:
+class _Parquet:
     """Apache Parquet; what there is none of is null."""
 
     def __init__(self) -> None:
@@ -88,21 +87,17 @@ class Parquet:
         return self._pa.schema([(name, self._types[kind]) for name, kind in kinds.items()])
 
     def write(self, path: Path, kinds: Kinds, table: Table) -> None:
-        """Write a file."""
         self._pq.write_table(self._pa.table(dict(table), self._schema(kinds)), path)
 
     def names(self, path: Path) -> list[str]:
-        """Return the names of the columns."""
         return list(self._pq.read_schema(path).names)
 
     def runs(self, path: Path) -> Iterator[str]:
-        """Yield the column `run`."""
         with self._pq.ParquetFile(path) as file:
             for batch in file.iter_batches(CHUNK, columns=["run"]):
                 yield from batch.column(0).to_pylist()
 
     def join(self, paths: Sequence[Path], kinds: Kinds, into: Path) -> None:
-        """Write the rows of files of the same columns into one."""
         with self._pq.ParquetWriter(into, self._schema(kinds)) as writer:
             for path in paths:
                 with self._pq.ParquetFile(path) as file:
@@ -110,7 +105,41 @@ class Parquet:
                         writer.write_batch(batch)
 
 
-FORMATS: dict[str, Callable[[], Format]] = {".csv": Csv, ".parquet": Parquet}
+FORMATS: dict[str, Callable[[], Format]] = {".csv": _Csv, ".parquet": _Parquet}
+
+
+@contextmanager
+def locked(output: Path) -> Iterator[None]:
+    """Keep other sweeps off an output.
+
+    SQLite locks files on POSIX and Windows alike, and the system takes the lock from a process that is killed.
+
+    Raises
+    ------
+    WrongUseError : another sweep is at it, or nothing can be written beside it
+    """
+    path = output.with_name(f"{output.name}.lock")
+    connection = None
+    try:
+        connection = sqlite3.connect(path, timeout=0)
+        connection.execute("BEGIN EXCLUSIVE")
+        if not path.exists():  # the sweep before ended between both
+            raise sqlite3.OperationalError("database is locked")
+    except sqlite3.OperationalError as error:
+        if connection is not None:
+            connection.close()
+        if str(error) == "database is locked":
+            raise WrongUseError(f"{output} is in use by another sweep") from None
+        raise WrongUseError(f"{output.parent} cannot be written: {error}") from None
+    try:
+        yield
+    finally:
+        if os.name == "posix":
+            path.unlink(missing_ok=True)  # before the lock is given back: afterwards it may be another's
+        connection.close()
+        if os.name != "posix":
+            with suppress(OSError):  # another's, which is open
+                path.unlink()
 
 
 class Store:
@@ -158,10 +187,13 @@ class Store:
         done: set[str] = set()
         for kind, kinds in self._kinds.items():
             for path in self._written(kind):
-                if (names := self._format.names(path)) != list(kinds):
-                    raise WrongUseError(f"{path} has other columns: {', '.join(names)}")
-                if kind == "rows":
-                    done.update(self._format.runs(path))
+                try:
+                    if (names := self._format.names(path)) != list(kinds):
+                        raise WrongUseError(f"{path} has other columns: {', '.join(names)}")
+                    if kind == "rows":
+                        done.update(self._format.runs(path))
+                except (OSError, ValueError, csv.Error) as error:  # pyarrow's are ValueErrors
+                    raise WrongUseError(f"{path} cannot be read: {reason(error)}") from None
         return done
 
     def _written(self, kind: str) -> list[Path]:
@@ -198,11 +230,11 @@ class Store:
                 for name in list(self._kinds["trajectories"])[1:]
             }
         self._parts.mkdir(exist_ok=True)
-        self._number += 1
         for kind in reversed(self._kinds):  # the rows last: they say that the part is whole
             partial = self._parts / f"{kind}.partial"
             self._format.write(partial, self._kinds[kind], tables[kind])
-            partial.replace(self._parts / f"{kind}-{self._number:06d}")
+            partial.replace(self._parts / f"{kind}-{self._number + 1:06d}")
+        self._number += 1
         self._clear()
 
     def close(self) -> None:

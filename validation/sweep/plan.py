@@ -11,10 +11,11 @@ from itertools import product
 from math import prod
 from pathlib import Path
 
-from .errors import WrongUseError
+from .errors import WrongUseError, reason
 from .interface import Interface, Variable
 
 FORMS = "NAME=START:STOP:COUNT, NAME=log:START:STOP:COUNT or NAME=VALUE,VALUE,..., each with :UNIT behind it"
+MOST_VALUES, MOST_RUNS = 10**6, 10**8  # of an axis, whose values are in memory, and of a sweep
 Values = tuple[float, ...]  # of a run, in the order of the names
 Runs = tuple[tuple[str, ...], int, Callable[[], Iterator[Values]]]  # names, count, and what yields the runs
 
@@ -28,7 +29,7 @@ class Common:
     names : of the variables that are set
     stop, interval : end and communication step [s]; the runs begin at 0
     record : outputs whose trajectories are kept
-    series : whether the exact answer may be a Taylor series in 50 digits, which takes most of a second
+    series : whether the exact answer may be a Taylor series
     """
 
     interface: Interface
@@ -44,8 +45,9 @@ class Common:
         return start | dict(zip(self.names, values, strict=True))
 
     def identity(self, values: Values) -> str:
-        """Return what tells a run from others: a digest of its FMU, times and parameters, 64 bits."""
-        known = [self.interface.guid, self.stop, self.interval, sorted(self.parameters(values).items())]
+        """Return what tells a run from others: a digest of what was asked for and of which FMU, 64 bits."""
+        asked = sorted(self.parameters(values).items())
+        known = [self.interface.guid, self.stop, self.interval, asked, self.series]
         return hashlib.sha256(json.dumps(known).encode()).hexdigest()[:16]
 
 
@@ -67,10 +69,18 @@ class Axis:
 
 
 def of_axes(axes: Sequence[Axis]) -> Runs:
-    """Return names, count and runs of the product of axes; the last axis changes first."""
+    """Return names, count and runs of the product of axes; the last axis changes first.
+
+    Raises
+    ------
+    WrongUseError : a name stands twice, or there are too many runs
+    """
     names = tuple(axis.name for axis in axes)
     _refuse_repeated(names)
-    return names, prod(len(axis.values) for axis in axes), lambda: product(*(axis.values for axis in axes))
+    count = prod(len(axis.values) for axis in axes)
+    if count > MOST_RUNS:
+        raise WrongUseError(f"the axes make {count} runs (allowed: up to {MOST_RUNS})")
+    return names, count, lambda: product(*(axis.values for axis in axes))
 
 
 def of_file(path: Path, interface: Interface) -> Runs:
@@ -84,9 +94,8 @@ def of_file(path: Path, interface: Interface) -> Runs:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))
     except (OSError, UnicodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise WrongUseError(f"{path} cannot be read: {reason}") from None
-    if len(rows) < 2:
+        raise WrongUseError(f"{path} cannot be read: {reason(error)}") from None
+    if not any(map(_said, rows[1:])):
         raise WrongUseError(f"{path} has no runs: a line of names and a line a run are needed")
     heads = [head.strip().partition(":") for head in rows[0]]
     variables = [interface.variable(name) for name, _, _ in heads]
@@ -94,7 +103,7 @@ def of_file(path: Path, interface: Interface) -> Runs:
     _refuse_repeated(names)
     runs: dict[Values, None] = {}
     for line, row in enumerate(rows[1:], start=2):
-        if not row:
+        if not _said(row):
             continue
         if len(row) != len(names):
             raise WrongUseError(f"{path}, line {line}: {len(row)} values for {len(names)} names")
@@ -107,6 +116,11 @@ def of_file(path: Path, interface: Interface) -> Runs:
         except WrongUseError as error:
             raise WrongUseError(f"{path}, line {line}: {error}") from None
     return names, len(runs), lambda: iter(runs)
+
+
+def _said(row: Sequence[str]) -> bool:
+    """Return whether a line is more than blanks."""
+    return len(row) > 1 or any(text.strip() for text in row)
 
 
 def _refuse_repeated(names: Sequence[str]) -> None:
@@ -147,8 +161,9 @@ def _range(variable: Variable, parts: Sequence[str], logarithmic: bool) -> list[
         count = int(parts[2])
     except ValueError:
         count = 0
-    if count < 1:
-        raise WrongUseError(f"{variable.name}: the count is {parts[2]} (allowed: a whole number from 1 on)")
+    if not 1 <= count <= MOST_VALUES:
+        allowed = f"a whole number from 1 to {MOST_VALUES}"
+        raise WrongUseError(f"{variable.name}: the count is {parts[2]} (allowed: {allowed})")
     if logarithmic and not (start > 0 and stop > 0):
         raise WrongUseError(f"{variable.name}: log:{start:g}:{stop:g} has no logarithm (allowed: > 0)")
     if count == 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from math import hypot, isfinite, sqrt
 
@@ -19,6 +20,9 @@ Cell = str | float | int | None
 Row = dict[str, Cell]
 Trajectory = dict[str, Array]
 
+WRAPPER = re.compile(
+    r"\AFatal py exception encountered: .*\n"
+)  # what pythonfmu says before the FMU's sentence
 SMALL = 1e-8  # amplitude [rad] up to which sin(phi) is phi to a relative 2e-17, less than the half of a last digit
 FARTHEST = 500.0  # angle [rad] that a Taylor series follows: as many digits more are needed for its sine
 LONGEST = 1e4  # damping times that it follows: its steps are a fraction of one
@@ -67,7 +71,7 @@ def run(fmu: Fmu, common: Common, values: Values) -> tuple[Row, Trajectory | Non
     done = fmu.run(experiment(common, values))
     row = empty(common, values)
     row["solver.nfev"], row["seconds"] = done.nfev, done.seconds
-    row["warnings"], row["failure"] = "; ".join(done.warnings), done.failure
+    row["warnings"], row["failure"] = "; ".join(done.warnings), WRAPPER.sub("", done.failure)
     end = {name: float(done[name][-1]) for name in OUTPUTS}
     if all(isfinite(value) for value in end.values()):
         row |= end

@@ -12,8 +12,9 @@ import sys
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import CancelledError
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from itertools import count, islice
+from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from shutil import rmtree
 from threading import Lock
@@ -25,7 +26,7 @@ import cloudpickle
 from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, get_worker
 
 from ..fmu import Fmu
-from .errors import BrokenError, WrongUseError
+from .errors import BrokenError, WrongUseError, reason
 from .plan import Common, Values
 from .row import Row, Trajectory, empty, run
 
@@ -97,17 +98,6 @@ def work(name: str, batch: tuple[Values, ...]) -> tuple[list[Done], float] | Non
     return done
 
 
-class Deaf(WorkerPlugin):
-    """Ctrl-C is meant for the sweep, and reaches all processes of a terminal."""
-
-    name = "deaf"
-
-    def setup(self, worker: Any) -> None:
-        """Ignore it."""
-        del worker
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 class ByValue:
     """A function that takes its code along even inside of a graph, which Dask pickles by reference."""
 
@@ -124,21 +114,36 @@ class ByValue:
 
 
 @contextmanager
-def local(jobs: int) -> Iterator[Client]:
-    """Yield a client of `jobs` processes of this machine."""
-    with (
-        LocalCluster(
-            n_workers=jobs,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            memory_limit=None,
-            silence_logs=logging.CRITICAL,  # what goes wrong is in the rows, or the reason why the sweep ends
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        client.register_plugin(Deaf())
+def _deaf() -> Iterator[None]:
+    """Keep Ctrl-C, which reaches all processes of a terminal, from the threads and processes that begin here."""
+    if sys.platform == "win32":  # signals cannot be blocked
+        yield
+        return
+    ensure_running()  # which would let the signal through again if the cluster did it
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def local(jobs: int, starting: AbstractContextManager[None] | None = None) -> Iterator[Client]:
+    """Yield a client of `jobs` processes of this machine, which are started in the context `starting`."""
+    with ExitStack() as stack:
+        with starting or nullcontext(), _deaf():
+            cluster = stack.enter_context(
+                LocalCluster(
+                    n_workers=jobs,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0",
+                    memory_limit=None,
+                    silence_logs=logging.CRITICAL,  # what goes wrong is in the rows, or ends the sweep
+                )
+            )
+            client = stack.enter_context(Client(cluster))
         yield client
 
 
@@ -153,13 +158,13 @@ def remote(address: str) -> Iterator[Client]:
     try:
         client = Client(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
-        raise WrongUseError(f"--scheduler {address}: {str(error) or type(error).__name__}") from None
+        raise WrongUseError(f"--scheduler {address}: {reason(error)}") from None
     with client:
         yield client
 
 
 def outcomes(client: Client, fmu: Path, common: Common, runs: Iterator[Values]) -> Generator[Done]:
-    """Yield what each run gives, in the order of the runs; only some batches are under way at a time.
+    """Yield what each run gives, in the order of the runs but for suspects; some batches are under way at a time.
 
     The batches of a worker whose process ends are given to others. A batch that several workers ended with is suspect:
     its runs are repeated behind all others, each alone, so that one that ends every worker is told from its neighbours.
@@ -210,7 +215,8 @@ def outcomes(client: Client, fmu: Path, common: Common, runs: Iterator[Values]) 
     except BrokenError:
         raise
     except (Exception, CancelledError) as error:  # the workers' exceptions are of any kind
-        raise BrokenError(f"{type(error).__name__}: {error}".split("\n", 1)[0]) from error
+        kind, said = type(error).__name__, reason(error)
+        raise BrokenError(kind if said == kind else f"{kind}: {said}") from error
     finally:
         with suppress(Exception):  # the scheduler may be lost
             client.cancel([future for future, _ in waiting])
