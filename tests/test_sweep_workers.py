@@ -170,7 +170,11 @@ def test_each_row_is_there_once_when_a_worker_is_killed(deadly: Path, cluster: C
 @pytest.mark.skipif(sys.platform == "win32", reason="no signal ends a process without its help")
 def test_a_run_that_ends_its_process_is_a_row(deadly: Path) -> None:
     asked = plan(deadly, "gamma=0,0.25,0.5", stop=0.1)
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0}), workers.local(1) as client:
+    impatient = {
+        "distributed.scheduler.allowed-failures": 0,
+        "distributed.deploy.lost-worker-timeout": "1 ms",
+    }
+    with dask.config.set(impatient), workers.local(1) as client:
         rows = [row for row, _ in workers.outcomes(client, deadly, asked.common, asked.runs())]
     assert sorted(row["run"] for row in rows) == sorted(map(asked.common.identity, asked.runs()))
     failures = {row["gamma"]: row["failure"] for row in rows if row["failure"]}

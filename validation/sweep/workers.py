@@ -23,6 +23,7 @@ from typing import Any
 from uuid import uuid4
 
 import cloudpickle
+import dask
 from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, get_worker
 
 from ..fmu import Fmu
@@ -131,6 +132,8 @@ def _deaf() -> Iterator[None]:
 def local(jobs: int, starting: AbstractContextManager[None] | None = None) -> Iterator[Client]:
     """Yield a client of `jobs` processes of this machine, which are started in the context `starting`."""
     with ExitStack() as stack:
+        # The nanny of a worker starts it anew; the cluster would close both if that took more than 15 s.
+        stack.enter_context(dask.config.set({"distributed.deploy.lost-worker-timeout": "1000 days"}))
         with starting or nullcontext(), _deaf():
             cluster = stack.enter_context(
                 LocalCluster(
