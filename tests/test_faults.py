@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from validation import faults, studies
-from validation.checks import About
+from validation.checks import About, Check, Table
 from validation.fmu import Experiment, Fmu
 
 NAMES = {fault.name for fault in faults.FAULTS}
@@ -94,6 +94,25 @@ def test_no_row_of_rk4_survives_twice_the_substep(
 ) -> None:
     for scene in done(native, injected, name):
         assert set(scene.broken["substep x 2"]) == set(scene.rows)
+
+
+@pytest.mark.slow
+def test_the_report_says_what_was_found(
+    native: Fmu, injected: dict[str, list[faults.Injected]], native_path: Path
+) -> None:
+    """Its faults are put into the scenes in other processes."""
+    with faults.study(["errata"], native_path) as study:
+        results = [result for scene in study.scenes for result in scene.run(native)]
+    rows = [result for result in results if isinstance(result, Check)]
+    assert len(rows) == 2
+    assert all(row.holds and row.about is About.FORMULAS for row in rows)
+    overview = results[-1]
+    assert isinstance(overview, Table)
+    scenes = done(native, injected, "errata")
+    assert overview.rows[0] == (faults.ROWS, *2 * [sum(len(scene.rows) for scene in scenes)])
+    assert {str(name): count for name, _, count in overview.rows[1:]} == {
+        name: sum(len(scene.broken[name]) for scene in scenes) for name in NAMES
+    }
 
 
 def test_the_faulty_fmu_is_the_fmu_without_a_fault(native: Fmu) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NoReturn
@@ -64,10 +65,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("pictures are left out: they need matplotlib, pip install '.[report]'", file=sys.stderr)
         pictures = False
     try:
-        with Fmu(options.fmu) as fmu:
+        with Fmu(options.fmu) as fmu, ExitStack() as stack:
             loaded = [studies.load(name) for name in chosen]
             if not options.no_faults:
-                loaded.append(faults.study(chosen))
+                loaded.append(stack.enter_context(faults.study(chosen, options.fmu)))
             sections = list(run_studies(fmu, loaded))
     except UnusableFmuError as error:
         parser.error(str(error))

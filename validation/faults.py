@@ -6,12 +6,18 @@ about the FMU, and a row about formulas must not change with one.
 
 from __future__ import annotations
 
+import os
+import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, repeat
 from math import nan
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -180,6 +186,7 @@ class Noticed:
 
     study: studies.Study
     found: dict[str, Counter[str]]
+    pool: Executor
     slow: bool = True
 
     @property
@@ -189,8 +196,9 @@ class Noticed:
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield how many rows are counted wrongly, and the faults that break each."""
-        with fastest(fmu) as carrier:
-            done = [inject(carrier, scene) for scene in self.study.scenes]
+        del fmu
+        scenes = range(len(self.study.scenes))
+        done = list(self.pool.map(_inject_here, repeat(self.study.name), scenes))
         self.found[self.study.name] = Counter(
             {fault.name: sum(len(injected.broken[fault.name]) for injected in done) for fault in FAULTS}
         )
@@ -216,17 +224,6 @@ class Noticed:
                 for row in injected.rows
             ],
         )
-
-
-@contextmanager
-def fastest(fmu: Fmu) -> Iterator[Fmu]:
-    """Yield the native FMU that lies beside `fmu`, or `fmu` where there is none: the faults are outside of both."""
-    native = fmu.path.with_name("DampedPendulumNative.fmu")
-    if fmu.native or not native.is_file():
-        yield fmu
-    else:
-        with Fmu(native) as other:
-            yield other
 
 
 @dataclass(frozen=True)
@@ -256,14 +253,49 @@ class Overview:
         )
 
 
-def study(names: Sequence[str]) -> studies.Study:
-    """Return the study of what breaks the rows of the studies `names`, but for those about run times."""
+@contextmanager
+def study(names: Sequence[str], path: Path) -> Iterator[studies.Study]:
+    """Yield the study of what breaks the rows of the studies `names`, but for those about run times.
+
+    The faults are put before the FMU at `path`, or before the native one that lies beside it, which is faster: they are
+    outside of both. Each core has an FMU of its own.
+    """
+    native = path.with_name("DampedPendulumNative.fmu")
     found: dict[str, Counter[str]] = {}
     loaded = [studies.load(name) for name in names]
-    return studies.Study(
-        "faults",
-        "What would notice a fault",
-        "a fault is put between the validation and the FMU; the rows that fail notice it",
-        (*(Noticed(one, found) for one in loaded), Overview(found)),
-        (),
-    )
+    with (
+        TemporaryDirectory() as folder,
+        ProcessPoolExecutor(
+            mp_context=get_context("spawn"),
+            initializer=_begin,
+            initargs=(native if native.is_file() else path, folder),
+        ) as pool,
+    ):
+        try:
+            yield studies.Study(
+                "faults",
+                "What would notice a fault",
+                "a fault is put between the validation and the FMU; the rows that fail notice it",
+                (*(Noticed(one, found, pool) for one in loaded), Overview(found)),
+                (),
+            )
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+# In a process of the pool
+
+_fmus: list[Fmu] = []
+
+
+def _begin(path: Path, folder: str) -> None:
+    """Take the FMU of this process."""
+    signal.signal(
+        signal.SIGINT, signal.SIG_DFL
+    )  # Ctrl-C, which reaches all processes, ends this one without a word
+    _fmus.append(Fmu(path, Path(folder) / str(os.getpid())))
+
+
+def _inject_here(name: str, scene: int) -> Injected:
+    """Put each fault between the FMU of this process and a scene of the study `name`."""
+    return inject(_fmus[0], studies.load(name).scenes[scene])
