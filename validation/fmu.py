@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stderr
 from ctypes import c_double, c_int, c_uint, c_void_p, cast
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import pairwise
-from math import nan, pi, radians, sqrt
+from math import nan, pi, sqrt
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -127,11 +125,16 @@ def describe(path: Path) -> Any:
         description = fmpy.read_model_description(str(path))
     except Exception as error:  # FMPy raises many kinds
         raise UnusableFmuError(f"{path} is not a readable FMU: {_first_line(error)}") from None
-    known = {variable.name for variable in description.modelVariables}
+    known = _references(description)
     missing = [name for name in (*PARAMETERS, "tau", *OUTPUTS, EVALUATIONS) if name not in known]
     if missing:
         raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
     return description
+
+
+def _references(description: Any) -> dict[str, int]:
+    """Return the value references of the variables by name."""
+    return {variable.name: variable.valueReference for variable in description.modelVariables}
 
 
 def _first_line(error: Exception) -> str:
@@ -173,7 +176,7 @@ class Fmu:
     def __init__(self, path: Path = DEFAULT_PATH, folder: Path | None = None) -> None:
         self.path = path
         self.description = describe(path)
-        self._reference = {v.name: v.valueReference for v in self.description.modelVariables}
+        self._reference = _references(self.description)
         self.native = not self.description.coSimulation.needsExecutionTool
         self.interpolates = bool(self.description.coSimulation.canInterpolateInputs)
         self._folder = fmpy.extract(str(path), folder)
@@ -233,32 +236,31 @@ class Fmu:
         rows: list[list[float]] = []
         reached = times[0]
         _LOG.messages.clear()
-        with redirect_stderr(io.StringIO()):  # the reasons of failures are in the log, too
-            slave.reset()
-            slave.setupExperiment(startTime=times[0])
-            for name, value in experiment.start.items():
-                setter = slave.setInteger if name == "solver.method" else slave.setReal
-                setter([self._reference[name]], [value])
-            slave.enterInitializationMode()
-            ready = slave.dll.fmi2ExitInitializationMode(component) <= fmi2Warning
-            rows.append(read() if ready else [nan] * len(experiment.record))
-            if host is not None and ready:
-                seconds = self._loop_of(host, experiment, times, rows)
+        slave.reset()
+        slave.setupExperiment(startTime=times[0])
+        for name, value in experiment.start.items():
+            setter = slave.setInteger if name == "solver.method" else slave.setReal
+            setter([self._reference[name]], [value])
+        slave.enterInitializationMode()
+        ready = slave.dll.fmi2ExitInitializationMode(component) <= fmi2Warning
+        rows.append(read() if ready else [nan] * len(experiment.record))
+        if host is not None and ready:
+            seconds = self._loop_of(host, experiment, times, rows)
+        else:
+            begin = clock()
+            for i, (now, reached) in enumerate(pairwise(times)) if ready else ():
+                if set_torque is not None:
+                    set_torque(i, now)
+                if do_step(component, now, reached - now, fmi2True) > fmi2Warning:
+                    rows.append([nan] * len(experiment.record))
+                    break
+                if at_each:
+                    rows.append(read())
             else:
-                begin = clock()
-                for i, (now, reached) in enumerate(pairwise(times)) if ready else ():
-                    if set_torque is not None:
-                        set_torque(i, now)
-                    if do_step(component, now, reached - now, fmi2True) > fmi2Warning:
-                        rows.append([nan] * len(experiment.record))
-                        break
-                    if at_each:
-                        rows.append(read())
-                else:
-                    if experiment.ends and ready:
-                        rows.append(read())
-                seconds = clock() - begin
-            nfev = slave.getInteger([self._reference[EVALUATIONS]])[0]
+                if experiment.ends and ready:
+                    rows.append(read())
+            seconds = clock() - begin
+        nfev = slave.getInteger([self._reference[EVALUATIONS]])[0]
         failure = next((text for status, text in _LOG.messages if status > fmi2Warning), "")
         table = np.array(rows, dtype=float).reshape(len(rows), len(experiment.record))
         return Run(
@@ -335,6 +337,6 @@ class Fmu:
         return set_polynomial
 
 
-def degrees(angle: float) -> dict[str, float]:
-    """Return the start value of an undamped swing from `angle` [deg]."""
-    return {"gamma": 0.0, "phi_start": radians(angle)}
+def swing(amplitude: float, h: float, method: int = RK4) -> dict[str, float]:
+    """Return the start values of an undamped swing from `amplitude` [rad] with substeps of `h` [s]."""
+    return {"gamma": 0.0, "phi_start": amplitude, "solver.method": method, "solver.stepSize": h}

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import ellipk
 
 from .. import references
-from ..fmu import W02, Experiment, Fmu, Run, SolverMethod
+from ..fmu import W02, Experiment, Fmu, Run, SolverMethod, swing
 from .erratum import Document, Erratum, Measured, Number
 
 G81 = 9.81  # gravity acceleration [m/s2] of the document
@@ -18,7 +18,7 @@ FINE = 5e-4  # [s]: RK4 is then in error by less than 1e-11 rad within 10 s of a
 
 
 def _swing(fmu: Fmu, stop: float, step: float = 0.05, **changes: float) -> Run:
-    start = {"gamma": 0.0, "g": G81, "phi_start": ALPHA, "solver.stepSize": FINE}
+    start = swing(ALPHA, FINE) | {"g": G81}
     start |= {
         name.replace("_", ".", 1) if name.startswith("solver") else name: x for name, x in changes.items()
     }

@@ -53,7 +53,7 @@ STYLE: Any = {
 ELEMENT = re.compile(r' id="[A-Za-z0-9.]+_\d+"')  # names that matplotlib gives in every picture
 POINTS = 2000  # of a curve at most, about
 WIDEST = 1e6  # margins beyond it are drawn at this one
-KINDS = {About.FMU: ("o", "#2f7fd1"), About.FORMULAS: ("x", "#8a8a8a"), About.TIMES: ("^", "#d0552b")}
+MARKS = {About.FMU: ("o", "#2f7fd1"), About.FORMULAS: ("x", "#8a8a8a"), About.TIMES: ("^", "#d0552b")}
 
 
 def svg(plot: Plot | Maps) -> str:
@@ -203,7 +203,7 @@ def margins(sections: Sequence[Section]) -> str:
         figure, axes = pyplot.subplots(figsize=(9.0, 0.5 * len(sections) + 1.2), layout="constrained")
         shown = [section for section in sections if section.checks]
         for i, section in enumerate(shown):
-            for about, (marker, colour) in KINDS.items():
+            for about, (marker, colour) in MARKS.items():
                 rows = [check for check in section.checks if check.about is about]
                 # Rows of equal margins lie on each other but for a shift that their order gives.
                 shift = 0.3 * np.sin(2.4 * np.arange(len(rows)))

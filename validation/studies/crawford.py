@@ -15,7 +15,7 @@ from scipy.special import ellipkm1
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table, formula
-from ..fmu import W02, Experiment, Fmu, SolverMethod, degrees
+from ..fmu import W02, Experiment, Fmu, SolverMethod, swing
 from ..metrics import ROUNDING, SAFETY, SIGMAS, Array, largest
 from ..references import discrete
 from .scene import Case, Scene
@@ -308,7 +308,7 @@ class SinusoidScene(Scene):
         """Yield how far the sinusoid is from the FMU, and from the exact motion."""
         angle = radians(self.amplitude)
         T = references.period(angle, W02)
-        run = fmu.run(Experiment(T, T / 400, degrees(self.amplitude)))
+        run = fmu.run(Experiment(T, T / 400, {"gamma": 0.0, "phi_start": angle}))
         sinusoid = angle * np.cos(2 * pi * run.t / T)
         exact = references.libration(run.t, angle, W02)[0]
         deviation = largest(np.abs(exact - sinusoid)) / angle
@@ -432,13 +432,7 @@ def _simulate(fmu: Fmu, method: SolverMethod, h: float, n: int) -> tuple[Array, 
     Two runs, whose communication points interleave, are two steps a communication step: so it is solver.stepSize that
     makes the steps.
     """
-    start = {
-        "gamma": 0.0,
-        "g": FIGURE_G,
-        "phi_start": FIGURE_ANGLE,
-        "solver.method": method,
-        "solver.stepSize": h,
-    }
+    start = swing(FIGURE_ANGLE, h, method) | {"g": FIGURE_G}
     t = np.arange(n + 1, dtype=float) * h
     phi, E = np.empty(n + 1), np.empty(n + 1)
     for points in (np.arange(0, n + 1, 2), np.append(0, np.arange(1, n + 1, 2))):

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import references
 from ..checks import Check, Curve, Note, Plot, Result, Table, formula
-from ..fmu import W02, Experiment, Fmu, G, SolverMethod, degrees
+from ..fmu import W02, Experiment, Fmu, G, SolverMethod, swing
 from ..metrics import (
     ORDER,
     ROUNDING,
@@ -98,7 +98,7 @@ class PhaseScene(Scene):
 @cache
 def measured_period(fmu: Fmu, amplitude: float, g: float, substep: float) -> float:
     """Return the mean period [s] of `PERIODS` swings of the FMU from `amplitude` [rad], NaN if it shows fewer."""
-    start = {"gamma": 0.0, "g": g, "phi_start": amplitude, "solver.stepSize": substep}
+    start = swing(amplitude, substep) | {"g": g}
     run = fmu.run(Experiment(_stop(amplitude, g), STEP, start, record=("phi", "w", "a")))
     return _mean_period(run.t, run["phi"], run["w"], run["a"])
 
@@ -183,7 +183,7 @@ class OrderScene(Scene):
         T = references.period(amplitude, W02)
         distances, errors, expected = [], [], []
         for n in (self.substeps, 2 * self.substeps):
-            start = degrees(self.amplitude) | {"solver.method": self.method, "solver.stepSize": T / n}
+            start = swing(amplitude, T / n, self.method)
             run = fmu.run(Experiment(T, T / 20, start, record=("phi", "w")))
             exact = references.libration(run.t, amplitude, W02)
             discrete_motion = discrete.motion(
@@ -299,7 +299,7 @@ def _against_step(fmu: Fmu) -> Iterator[Result]:
     for method in SolverMethod:
         steps, errors = [], []
         for n in (25, 50, 100, 200, 400, 800, 1600, 3200):
-            start = degrees(30) | {"solver.method": method, "solver.stepSize": T / n}
+            start = swing(amplitude, T / n, method)
             run = fmu.run(Experiment(T, T, start, record=("phi", "w")))
             steps.append(T / n)
             errors.append(state_error(run["phi"][-1:], run["w"][-1:], exact))
@@ -326,8 +326,7 @@ def _against_time(fmu: Fmu) -> Iterator[Result]:
     """Draw RK4's error against time for small and large swings."""
     curves = []
     for amplitude in (30, 90, 170):
-        start = degrees(amplitude) | {"solver.stepSize": 0.01}
-        run = fmu.run(Experiment(100.0, 0.05, start, record=("phi", "w")))
+        run = fmu.run(Experiment(100.0, 0.05, swing(radians(amplitude), 0.01), record=("phi", "w")))
         exact = references.libration(run.t, radians(amplitude), W02)
         error = np.hypot(run["phi"] - exact[0], (run["w"] - exact[1]) / sqrt(W02))
         curves.append(Curve(f"from {amplitude} deg", run.t[1:], error[1:]))

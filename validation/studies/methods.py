@@ -11,7 +11,7 @@ from scipy.special import ellipk
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table
-from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
+from ..fmu import W0, W02, Experiment, Fmu, SolverMethod, swing
 from ..metrics import SAFETY, largest, observed_order, state_error
 from ..references import discrete
 from ..references.methods import METHODS
@@ -94,8 +94,7 @@ class OrderScene(Scene):
 
 def swing_error(fmu: Fmu, method: SolverMethod, amplitude: float, end: float, h: float) -> float:
     """Return the distance of (phi, w/w0) [rad] from the undamped swing at `end` [s]."""
-    start = {"gamma": 0.0, "phi_start": amplitude, "solver.method": method, "solver.stepSize": h}
-    run = fmu.run(Experiment(end, end, start, record=("phi", "w")))
+    run = fmu.run(Experiment(end, end, swing(amplitude, h, method), record=("phi", "w")))
     return state_error(run["phi"], run["w"], references.libration(run.t, amplitude, W02))
 
 
@@ -152,10 +151,8 @@ def _step_errors(fmu: Fmu, amplitude: float, h: float) -> Iterator[float]:
     T = references.period(amplitude, W02)
     for t in np.arange(16) * T / 16:
         phi, w = (float(x) for x in references.libration(np.array(t), amplitude, W02))
-        start = {"gamma": 0.0, "phi_start": phi, "w_start": w, "solver.stepSize": h}
-        run = fmu.run(
-            Experiment(h, h, start | {"solver.method": SolverMethod.TaylorSeries}, record=("phi", "w"))
-        )
+        start = swing(phi, h, SolverMethod.TaylorSeries) | {"w_start": w}
+        run = fmu.run(Experiment(h, h, start, record=("phi", "w")))
         exact = references.libration(np.array([t + h]), amplitude, W02)
         yield state_error(run["phi"][-1:], run["w"][-1:], exact)
 
@@ -181,13 +178,7 @@ class DriftScene(Scene):
             T = references.period(amplitude, W02)
             n = round(T / self.h)
             h = T / n
-            start = {
-                "gamma": 0.0,
-                "phi_start": amplitude,
-                "solver.method": self.method,
-                "solver.stepSize": h,
-            }
-            energy = fmu.run(Experiment(T, T, start, record=("E",)))["E"]
+            energy = fmu.run(Experiment(T, T, swing(amplitude, h, self.method), record=("E",)))["E"]
             # The trapezoidal rule over a whole period converges exponentially.
             orbit = references.libration(np.arange(400) * T / 400, amplitude, W02)
             predicted = T * method.energy_drift(h, orbit, W02)
@@ -229,8 +220,7 @@ def _orbits(fmu: Fmu) -> Iterator[Result]:
     ]
     energies, errors = [], []
     for method, h in ORBITS:
-        start = {"gamma": 0.0, "phi_start": amplitude, "solver.method": method, "solver.stepSize": h}
-        run = fmu.run(Experiment(stop, h, start, record=("phi", "w", "E")))
+        run = fmu.run(Experiment(stop, h, swing(amplitude, h, method), record=("phi", "w", "E")))
         shown = run.t <= 4 * T
         label = f"{method.name}, h = {1e3 * h:g} ms"
         line = "-" if h < 0.05 else ""
@@ -263,12 +253,7 @@ def _energy_of_the_trapezoid(fmu: Fmu) -> Iterator[Result]:
     amplitude, periods, n = radians(90), 1000, 100
     T = references.period(amplitude, W02)
     h = T / n
-    start = {
-        "gamma": 0.0,
-        "phi_start": amplitude,
-        "solver.method": SolverMethod.ImplicitTrapezoid,
-        "solver.stepSize": h,
-    }
+    start = swing(amplitude, h, SolverMethod.ImplicitTrapezoid)
     run = fmu.run(Experiment(periods * T, T / 20, start, record=("E",)))
     deviation = np.abs(run["E"] - run["E"][0])
     # The modified equation conserves E + h^2/12*D, D = w02*w^2*cos(phi) + w02^2*sin(phi)^2 per m*L^2.

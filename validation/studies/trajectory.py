@@ -12,7 +12,7 @@ from scipy.special import ellipj, ellipk
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, formula
-from ..fmu import W0, W02, Experiment, Fmu, Run, SolverMethod
+from ..fmu import W0, W02, Experiment, Fmu, Run, SolverMethod, swing
 from ..metrics import ROUNDING, SIGMAS, Array, phase_and_drift, state_error
 from ..references import discrete
 from .scene import Scene
@@ -149,8 +149,7 @@ SCENES = (
 
 
 def _simulate(fmu: Fmu, scene: MotionScene, substep: float) -> Run:
-    start = {"gamma": 0.0, "phi_start": scene.phi0, "solver.stepSize": substep}
-    start |= {"w_start": scene.rate0} if scene.rate0 else {}
+    start = swing(scene.phi0, substep) | ({"w_start": scene.rate0} if scene.rate0 else {})
     return fmu.run(Experiment(scene.stop, STEP, start, record=("phi", "w")))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, formula
-from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
+from ..fmu import W0, W02, Experiment, Fmu, SolverMethod, swing
 from ..metrics import largest, state_error, walk
 from ..references import discrete
 from .scene import Case
@@ -99,7 +99,7 @@ def _escape(fmu: Fmu) -> Iterator[Result]:
     """Show that RK4 throws a large swing over the top at half of the linear limit."""
     curves = []
     for h, escapes in ((0.43, False), (0.46, True)):
-        start = {"gamma": 0.0, "phi_start": radians(170), "solver.stepSize": h}
+        start = swing(radians(170), h)
         run = fmu.run(Experiment(3000 * h, 5 * h, start))
         yield Check(
             f"RK4 from 170 deg at h = {h:g} s {'leaves' if escapes else 'stays in'} the well",
@@ -153,13 +153,8 @@ def _several_roots(fmu: Fmu) -> Iterator[Result]:
         )
     single = 1 / W0  # s = h^2*w02 < 1 without drag
     for h, phi0, grows in ((0.6, 2.0, 1.0), (2.0, 2.0, 1.0), (0.65, pi - 1e-3, 1e3), (1.0, pi - 1e-3, 1e3)):
-        start = {
-            "gamma": 0.0,
-            "phi_start": phi0,
-            "solver.method": SolverMethod.ImplicitEuler,
-            "solver.stepSize": h,
-        }
         n = round(12 / h)
+        start = swing(phi0, h, SolverMethod.ImplicitEuler)
         run = fmu.run(Experiment(n * h, h, start, record=("phi", "w")))
         divided = h / ceil(h / single)
         exact = discrete.motion(SolverMethod.ImplicitEuler.name, run.t.tolist(), phi0, 0.0, 0.0, W02, divided)
