@@ -60,23 +60,43 @@ class Motion(NamedTuple):
 
             x + s*sin(x) = c,   s = b^2*w02/(1 + b*k2),   c = phi + b*(w + b*drive)/(1 + b*k2),
 
-        with k2 the damping rate. It has a single root for |s| < 1, see `longest_implicit_stage`.
+        with k2 the damping rate. It has a single root for |s| < 1, see `longest_implicit_stage`, which Newton's method
+        finds to the last bit. For |s| <= 1/2 each step leaves less than a quarter of the error, which is |s| at most at
+        the start. `x - c` is exact near the root, so the residual is good to a rounding error of s*sin(x), not of x.
         """
         denominator = 1.0 + b * self.damping_rate
         kick = b * self.w02 / denominator
         s = b * kick
+        size = abs(s)
         push = b * self.drive
 
         def free(phi: float, w: float) -> tuple[float, float, int]:
             v = (w + push) / denominator
             return phi + b * v, v, 1
 
-        def stage(phi: float, w: float) -> tuple[float, float, int]:
+        def unbounded(phi: float, w: float) -> tuple[float, float, int]:
             v = (w + push) / denominator
-            x, evaluations = solve_kepler(s, phi + b * v)
+            x = c = phi + b * v
+            evaluations = 0
+            while True:
+                slope = 1.0 + s * cos(x)
+                correction = ((x - c) + s * sin(x)) / slope
+                new = x - correction
+                evaluations += 1
+                # The error left is below |s|*correction^2/(2*slope): a quarter of a unit in the last place. "Not
+                # larger", so that NaN ends it, too.
+                if not size * correction * correction > _QUARTER_ULP * slope * abs(new) or new == x:
+                    return new, v - kick * sin(new), evaluations
+                x = new
+
+        def bounded(phi: float, w: float) -> tuple[float, float, int]:
+            v = (w + push) / denominator
+            x, evaluations = _solve_between_bounds(s, phi + b * v)
             return x, v - kick * sin(x), evaluations
 
-        return stage if s != 0.0 else free
+        if s == 0.0:
+            return free
+        return bounded if size > 0.5 else unbounded
 
     def longest_implicit_stage(self) -> float:
         """Return the factor b [s] below which the equation of an implicit stage has a single root.
@@ -231,38 +251,15 @@ def _taylor_program(order: int, has_drag: bool, has_gravity: bool) -> Callable[.
 _QUARTER_ULP = float_info.epsilon / 4.0  # of 1
 
 
-def solve_kepler(s: float, c: float) -> tuple[float, int]:
-    """Solve x + s*sin(x) = c for |s| < 1 by Newton's method to the last bit.
+def _solve_between_bounds(s: float, c: float) -> tuple[float, int]:
+    """Solve x + s*sin(x) = c for |s| < 1 with the root kept between bounds: bisection where Newton's step leaves them.
 
-    For |s| <= 1/2 a Newton step leaves less than a quarter of the error, which is |s| at most at the start. `x - c` is
-    exact near the root, so the residual is good to a rounding error of s*sin(x), not of x.
+    Apart, because the bounds cost a fifth of an implicit substep, and most need none.
 
     Returns
     -------
     x : the root, in the unit of `c`
     evaluations : how often sin and cos were evaluated
-    """
-    size = abs(s)
-    if size > 0.5:
-        return _solve_between_bounds(s, c)
-    x = c
-    evaluations = 0
-    while True:
-        slope = 1.0 + s * cos(x)
-        correction = ((x - c) + s * sin(x)) / slope
-        new = x - correction
-        evaluations += 1
-        # The error left after a Newton step is below |s|*correction^2/(2*slope): a quarter of a unit in the last place.
-        # "Not larger", so that NaN ends it, too.
-        if not size * correction * correction > _QUARTER_ULP * slope * abs(new) or new == x:
-            return new, evaluations
-        x = new
-
-
-def _solve_between_bounds(s: float, c: float) -> tuple[float, int]:
-    """Do the same with the root kept between bounds: a Newton step that would leave them is replaced by a bisection.
-
-    Apart, because the bounds cost a fifth of an implicit substep, and most need none.
     """
     size = abs(s)
     low, high = c - 2.0 * size, c + 2.0 * size
