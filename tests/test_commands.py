@@ -1,13 +1,18 @@
 """The command line of the validation: wrong use is one line and exit status 2."""
 
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from threading import Timer
 
 import pytest
 
 import build_fmu
+from tests.toolchain import on_linux
+from validation.fmu import Experiment, Fmu
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -125,3 +130,32 @@ def test_a_study_runs_without_assertions_and_docstrings(fmu_path: Path, tmp_path
     )
     assert result.returncode == 0, result.stderr
     assert "rows about the FMU hold" in result.stdout
+
+
+def test_an_interrupt_within_a_long_step_is_one_of_the_program(fmu_path: Path) -> None:
+    """The FMU reports it as an error, as which a study would go on."""
+    timer = Timer(0.5, signal.raise_signal, [signal.SIGINT])
+    with Fmu(fmu_path) as fmu, pytest.raises(KeyboardInterrupt):
+        timer.start()
+        fmu.run(Experiment(1e3, 1e3, {"solver.stepSize": 1e-5}))
+
+
+@on_linux
+def test_control_c_ends_the_study_of_faults_without_noise(fmu_path: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    arguments = ("impulse_response", "--no-plots", "--fmu", fmu_path, "--output", tmp_path / "report")
+    started = subprocess.Popen(
+        [sys.executable, "-m", "validation", *arguments],
+        cwd=ROOT,
+        env={**os.environ, "TMPDIR": str(folder), "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    assert started.stdout is not None
+    assert any(b"holds" in line for line in started.stdout)  # a row of the study before
+    os.killpg(started.pid, signal.SIGINT)  # as a terminal does
+    _, noise = started.communicate()
+    assert (started.returncode, noise) == (130, b"python -m validation: interrupted\n")
+    assert list(folder.iterdir()) == []

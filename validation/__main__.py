@@ -13,6 +13,7 @@ from typing import NoReturn
 from . import faults, studies
 from .checks import Plot, Result
 from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
+from .interrupts import INTERRUPTED
 from .report import figures, page, screen
 from .report.section import Section, summary
 
@@ -28,7 +29,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return 0 if all checks hold, 1 if not."""
+    """Run the command line; return 0 if all checks hold, 1 if not, 130 if it was interrupted."""
     parser = Parser(prog="python -m validation", description="Hold the FMU against exact answers.")
     known = ", ".join(studies.NAMES)
     parser.add_argument("studies", nargs="*", metavar="study", help=f"{known} (default: all)")
@@ -72,6 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sections = list(run_studies(fmu, loaded))
     except UnusableFmuError as error:
         parser.error(str(error))
+    except KeyboardInterrupt:
+        parser.exit(INTERRUPTED, f"{parser.prog}: interrupted\n")
     written = page.write(sections, options.output, options.fmu, pictures)
     if options.picture is not None:
         plots = (plot for section in sections for plot in section.of(Plot) if plot.headline)

@@ -7,7 +7,6 @@ about the FMU, and a row about formulas must not change with one.
 from __future__ import annotations
 
 import os
-import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -15,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise, repeat
 from math import nan
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -24,6 +23,7 @@ import numpy as np
 from . import studies
 from .checks import About, Check, Result, Table, formula
 from .fmu import Experiment, Fmu, G, Run
+from .interrupts import deaf
 from .metrics import Array
 
 DEFAULTS = {"m": 1.0, "L": 1.0, "gamma": 0.002, "g": G, "solver.stepSize": 1e-3}
@@ -197,14 +197,15 @@ class Noticed:
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield how many rows are counted wrongly, and the faults that break each."""
         del fmu
-        scenes = range(len(self.study.scenes))
-        done = list(self.pool.map(_inject_here, repeat(self.study.name), scenes))
+        with deaf():  # the processes of the pool begin here
+            done = self.pool.map(_inject_here, repeat(self.study.name), range(len(self.study.scenes)))
+        injections = list(done)
         self.found[self.study.name] = Counter(
-            {fault.name: sum(len(injected.broken[fault.name]) for injected in done) for fault in FAULTS}
+            {fault.name: sum(len(injected.broken[fault.name]) for injected in injections) for fault in FAULTS}
         )
-        self.found[self.study.name][ROWS] = sum(len(injected.rows) for injected in done)
-        unbroken = [row for injected in done for row in injected.unbroken]
-        moved = [row for injected in done for row in injected.moved]
+        self.found[self.study.name][ROWS] = sum(len(injected.rows) for injected in injections)
+        unbroken = [row for injected in injections for row in injected.unbroken]
+        moved = [row for injected in injections for row in injected.moved]
         for what, rows in (
             ("rows about the FMU that no fault breaks", unbroken),
             ("rows about formulas that a fault moves", moved),
@@ -220,7 +221,7 @@ class Noticed:
             ("row", "faults"),
             [
                 (row, ", ".join(fault for fault, rows in injected.broken.items() if row in rows))
-                for injected in done
+                for injected in injections
                 for row in injected.rows
             ],
         )
@@ -279,6 +280,10 @@ def study(names: Sequence[str], path: Path) -> Iterator[studies.Study]:
                 (*(Noticed(one, found, pool) for one in loaded), Overview(found)),
                 (),
             )
+        except BaseException:
+            for process in active_children():
+                process.terminate()
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -290,9 +295,6 @@ _fmus: list[Fmu] = []
 
 def _begin(path: Path, folder: str) -> None:
     """Take the FMU of this process."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_DFL
-    )  # Ctrl-C, which reaches all processes, ends this one without a word
     _fmus.append(Fmu(path, Path(folder) / str(os.getpid())))
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from ctypes import c_double, c_int, c_uint, c_void_p, cast
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -161,6 +162,16 @@ class _Log:
 _LOG = _Log()
 
 
+@contextmanager
+def _interrupts_heard() -> Iterator[None]:
+    """Raise KeyboardInterrupt where it came inside of the FMU, which reports it as an error."""
+    try:
+        yield
+    finally:
+        if any(KeyboardInterrupt.__name__ in text for _, text in _LOG.messages):
+            raise KeyboardInterrupt
+
+
 class Fmu:
     """The built FMU, extracted and instantiated once.
 
@@ -220,11 +231,13 @@ class Fmu:
         ------
         ValueError : derivatives of the input, for an FMU that does not interpolate
         """
-        return self._run(experiment, None)
+        with _interrupts_heard():
+            return self._run(experiment, None)
 
     def run_in(self, host: Host, experiment: Experiment) -> Run:
         """Simulate in a compiled host, which has the loop over the communication steps and sets no held torque."""
-        return self._run(experiment, host)
+        with _interrupts_heard():
+            return self._run(experiment, host)
 
     def _run(self, experiment: Experiment, host: Host | None) -> Run:
         slave, component = self._slave, self._slave.component

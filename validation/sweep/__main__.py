@@ -17,6 +17,7 @@ from typing import Self
 
 from ..__main__ import Parser
 from ..fmu import DEFAULT_PATH, OUTPUTS, Fmu, UnusableFmuError, describe
+from ..interrupts import INTERRUPTED
 from ..report import screen
 from .errors import BrokenError, WrongUseError, reason
 from .files import FORMATS, Store, locked
@@ -25,7 +26,6 @@ from .plan import FORMS, Common, Plan, Runs, Values, axis, of_axes, of_file
 from .row import Row, Trajectory, columns, run
 
 EXTRA = "pip install '.[sweep]'"
-INTERRUPTED = 130  # exit status, as shells have it
 MOST_STEPS = 1e8  # of a run, whose communication points are in memory
 DIVIDES = 1e-9  # relative: decimal numbers are rounded, and nobody writes them with more digits
 Outcomes = Generator[tuple[Row, Trajectory | None]]

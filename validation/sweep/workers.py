@@ -7,14 +7,12 @@ disk nor folder with the sweep; the scheduler passes both on without opening the
 from __future__ import annotations
 
 import logging
-import signal
 import sys
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import CancelledError
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from itertools import count, islice
-from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from shutil import rmtree
 from threading import Lock
@@ -27,6 +25,7 @@ import dask
 from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, get_worker
 
 from ..fmu import Fmu
+from ..interrupts import deaf
 from .errors import BrokenError, WrongUseError, reason
 from .plan import Common, Values
 from .row import Row, Trajectory, empty, run
@@ -115,26 +114,12 @@ class ByValue:
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
-    """Keep Ctrl-C, which reaches all processes of a terminal, from the threads and processes that begin here."""
-    if sys.platform == "win32":  # signals cannot be blocked
-        yield
-        return
-    ensure_running()  # which would let the signal through again if the cluster did it
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
 def local(jobs: int, starting: AbstractContextManager[None] | None = None) -> Iterator[Client]:
     """Yield a client of `jobs` processes of this machine, which are started in the context `starting`."""
     with ExitStack() as stack:
         # The nanny of a worker starts it anew; the cluster would close both if that took more than 15 s.
         stack.enter_context(dask.config.set({"distributed.deploy.lost-worker-timeout": "1000 days"}))
-        with starting or nullcontext(), _deaf():
+        with starting or nullcontext(), deaf():
             cluster = stack.enter_context(
                 LocalCluster(
                     n_workers=jobs,
