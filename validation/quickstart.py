@@ -65,7 +65,7 @@ def report(default: Any, undamped: Any, impulse: Any) -> None:
     measured, exact = np.mean(np.diff(crossings)), references.period(pi / 6, W02)
     print("\nperiod at 30 deg without damping, T = 2*pi/(w0*AGM(1, cos(15 deg)))")
     print(f"measured {measured:.15f} s\nexact    {exact:.15f} s\nerror    {measured - exact:.1e} s")
-    print("\nimpulse response with damping, phi per J/(m*L^2)")
+    print("\nimpulse response with damping, phi/w(0)")
     print(f"{'t [s]':>6}  {'measured [s]':>18}  {'exact [s]':>18}  {'error [s]':>10}")
     for t in SHOWN:
         (i,) = np.flatnonzero(np.isclose(impulse["time"], t))
