@@ -135,7 +135,7 @@ def test_a_study_runs_without_assertions_and_docstrings(fmu_path: Path, tmp_path
 def test_an_interrupt_within_a_long_step_is_one_of_the_program(fmu_path: Path) -> None:
     """The FMU reports it as an error, as which a study would go on."""
     timer = Timer(0.5, signal.raise_signal, [signal.SIGINT])
-    with Fmu(fmu_path) as fmu, pytest.raises(KeyboardInterrupt):
+    with Fmu(fmu_path) as fmu, pytest.raises(KeyboardInterrupt):  # noqa: PT012  # it may come at once
         timer.start()
         fmu.run(Experiment(1e3, 1e3, {"solver.stepSize": 1e-5}))
 
