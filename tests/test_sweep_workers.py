@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from errno import EAGAIN
 from pathlib import Path
 from threading import Event
 
@@ -120,6 +121,31 @@ def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
     ):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", [RuntimeError, OSError])
+def test_workers_that_cannot_be_started_are_one_line(
+    kind: type[Exception], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object, **__: object) -> None:
+        cause = OSError(EAGAIN, "Resource temporarily unavailable")
+        raise cause if kind is OSError else RuntimeError("Nanny failed to start.") from cause
+
+    monkeypatch.setattr(workers, "LocalCluster", refused)
+    words = r"--jobs 2: the workers cannot be started: Resource temporarily unavailable\Z"
+    with pytest.raises(WrongUseError, match=words), workers.local(2):
+        pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of open files that a process can ask for")
+def test_more_workers_than_files_can_be_open_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers.resource, "getrlimit", lambda _: (256, 1024))
+    monkeypatch.setattr(workers, "LocalCluster", None)
+    with (
+        pytest.raises(WrongUseError, match=r"--jobs 17: .* open files \(allowed: up to 16, "),
+        workers.local(17),
+    ):
+        pass
 
 
 def test_a_lost_scheduler_ends_the_sweep_with_its_reason(native_path: Path, tmp_path: Path) -> None:
