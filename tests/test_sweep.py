@@ -545,6 +545,12 @@ def test_an_output_takes_one_sweep_at_a_time(sweep: Sweep, capsys: pytest.Captur
     assert [path.name for path in Path().iterdir()] == ["rows.csv"]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="a process is given no cores of its own")
+def test_the_cores_are_those_that_the_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5, 8})
+    assert command._parser().parse_args([]).jobs == 3
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are text")
 def test_a_name_that_is_no_text_can_be_shown(sweep: Sweep) -> None:
     name = os.fsdecode(b"\xff.csv")

@@ -101,12 +101,19 @@ def _parser() -> Parser:
     )
     parser.add_argument("--resume", action="store_true", help="keep the rows of FILE and run what it lacks")
     parser.add_argument(
-        "--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes (default: cores)"
+        "--jobs", type=int, default=_cores(), metavar="N", help="processes (default: cores, %(default)s here)"
     )
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="run on the workers of this Dask scheduler instead"
     )
     return parser
+
+
+def _cores() -> int:
+    """Return how many cores this process may use: a batch system gives it some of the machine's."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _plan(options: argparse.Namespace) -> Plan:
