@@ -23,6 +23,7 @@ pytestmark = pytest.mark.slow
 
 LESSON = Path(__file__).resolve().parent.parent / "validation" / "lesson.ipynb"
 NOTEBOOK = nbformat.reads(LESSON.read_text("utf-8"), as_version=4)
+HANGING = 3600  # a kernel that has not answered by then [s] hangs
 CODE = {cell.id: cell.source for cell in NOTEBOOK.cells if cell.cell_type == "code"}
 
 
@@ -106,7 +107,8 @@ def lesson(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         kernel = KernelManager(kernel_spec_manager=KernelSpecManager(kernel_dirs=[]))
         notebook = nbformat.reads(LESSON.read_text("utf-8"), as_version=4)
         place = {"metadata": {"path": project / "validation"}}
-        client = NotebookClient(notebook, km=kernel, resources=place, timeout=600)
+        patience = {"timeout": None, "startup_timeout": HANGING, "iopub_timeout": HANGING}
+        client = NotebookClient(notebook, km=kernel, resources=place, **patience)
         with client.setup_kernel(cleanup_kc=True):
             for i, cell in enumerate(notebook.cells):
                 client.execute_cell(cell, i)

@@ -189,7 +189,6 @@ def test_nothing_is_wider_than_the_window(text: str, tmp_path: Path, width: int)
         ],
         capture_output=True,
         text=True,
-        timeout=60,
         check=True,
     )
     title = re.search(r"<title>(\d+)</title>", done.stdout)

@@ -1,8 +1,11 @@
 """Sweeps without Dask: what is asked for, what a row holds, and files that are whole whenever a sweep ends."""
 
 import csv
+import os
 import shutil
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from errno import ENOSPC
@@ -22,11 +25,12 @@ from validation.fmu import W0, W02, Experiment, Fmu, describe
 from validation.references import discrete
 from validation.references import taylor as taylor_series
 from validation.sweep import __main__ as command
-from validation.sweep.files import FORMATS, Store, locked
+from validation.sweep.files import FORMATS, Store, _taken, locked
 from validation.sweep.interface import Interface, interface
 from validation.sweep.plan import Common, axis, of_axes, of_file
 from validation.sweep.row import Row, Trajectory, columns, run
 
+ROOT = Path(__file__).resolve().parent.parent
 EPS = 2.0**-52
 needs_pyarrow = pytest.mark.skipif(
     find_spec("pyarrow") is None, reason="pyarrow is not installed: pip install '.[sweep]'"
@@ -146,8 +150,12 @@ def test_a_file_of_runs_has_a_column_a_variable(known: Interface, tmp_path: Path
         (["--runs", "twice.csv"], "m stands 2 times"),
         (["m=1", "--output", "rows.xlsx"], "--output rows.xlsx: must end in .csv or .parquet"),
         (["m=1", "--output", "nowhere/rows.csv"], "--output nowhere/rows.csv: nowhere is no directory"),
+        (["m=1", "--output", "a\nb/rows.csv"], r"--output a\nb/rows.csv: a\nb is no directory"),
+        (["m=1", "--output", "rows.trajectories.csv"], "must not end in .trajectories.csv"),
+        (["m=1", "--output", f"{'x' * 300}.csv"], ".csv.lock: File name too long"),
         (["m=1", "--output", "names.csv"], "names.csv is there already (--resume goes on with it)"),
         (["m=1", "--output", "names.csv", "--resume"], "names.csv has other columns: m, L"),
+        (["m=1", "--output", "empty.csv", "--resume"], "empty.csv has other columns: none"),
         (["m=1", "--output", "folder.csv", "--resume"], "folder.csv cannot be read: Is a directory"),
         (["m=1", "--output", "latin.csv", "--resume"], "latin.csv cannot be read: 'utf-8' codec"),
         (["m=1", "--fmu", "missing.fmu"], "missing.fmu does not exist"),
@@ -180,6 +188,7 @@ def test_wrong_use_is_one_line_and_status_2(
     for name, text in (
         ("names.csv", "m,L\n"),
         ("blank.csv", "m,L\n\n \n"),
+        ("empty.csv", ""),
         ("short.csv", "m,L\n1,2\n3\n"),
         ("word.csv", "m,L\n1,long\n"),
         ("twice.csv", "m,m\n1,2\n"),
@@ -446,14 +455,77 @@ def test_what_was_recorded_is_recorded_on(sweep: Sweep, capsys: pytest.CaptureFi
         assert words in capsys.readouterr().err
 
 
+def refused(sweep: Sweep, capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Return the line that a sweep is refused with, which leaves everything as it was."""
+    before = {path: path.is_file() and path.read_bytes() for path in Path().rglob("*")}
+    with pytest.raises(SystemExit) as exit:
+        sweep(*arguments)
+    (*_, said) = capsys.readouterr().err.splitlines()
+    assert exit.value.code == 2
+    assert {path: path.is_file() and path.read_bytes() for path in Path().rglob("*")} == before
+    return said
+
+
+def test_a_csv_file_that_is_torn_is_not_resumed(sweep: Sweep, capsys: pytest.CaptureFixture[str]) -> None:
+    sweep("gamma=0,1", "--output", "rows.csv", "--record", "phi")
+    rows, samples = Path("rows.csv"), Path("rows.trajectories.csv")
+    whole = {path: path.read_bytes() for path in (rows, samples)}
+    resume = ("gamma=0,1", "--output", "rows.csv", "--record", "phi", "--resume")
+    columns = len(whole[rows].split(b"\r\n", 1)[0].split(b","))
+    for path, damage, words in (
+        (rows, lambda text: text[:-5], "rows.csv cannot be read: its last line has no end"),
+        (rows, lambda text: text[:-200] + b"\r\n", f"line 3 has another number of values than {columns}"),
+        (rows, lambda text: text + b"\0\0\0\n", f"line 4 has another number of values than {columns}"),
+        (samples, lambda text: text[:-5], "rows.trajectories.csv cannot be read: its last line has no end"),
+    ):
+        path.write_bytes(damage(whole[path]))
+        assert words in refused(sweep, capsys, *resume)
+        path.write_bytes(whole[path])
+    rows.write_bytes(whole[rows] + b"\r\n")  # of an editor
+    assert "0 of 2 runs" in sweep(*resume)[1]
+
+
 @needs_pyarrow
-def test_a_parquet_file_that_is_none_cannot_be_resumed(
+def test_a_parquet_file_of_another_kind_is_not_resumed(
     sweep: Sweep, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Path("rows.parquet").write_text("junk\n", "utf-8")
-    with pytest.raises(SystemExit):
-        sweep("m=1", "--output", "rows.parquet", "--resume")
-    assert "rows.parquet cannot be read: " in capsys.readouterr().err
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path, resume = Path("rows.parquet"), ("m=1,2", "--output", "rows.parquet", "--resume")
+    path.write_text("junk\n", "utf-8")
+    assert "rows.parquet cannot be read: " in refused(sweep, capsys, *resume)
+    path.unlink()
+    sweep("m=1", "--output", "rows.parquet")
+    schema = pq.read_schema(path)
+    integers = pa.schema([(name, pa.int64()) for name in schema.names])
+    pq.write_table(pa.table({name: [1] for name in schema.names}, integers), path)
+    assert "the values of run are int64 (allowed: string)" in refused(sweep, capsys, *resume)
+
+
+@needs_pyarrow
+def test_what_cannot_be_joined_ends_a_sweep_with_its_parts(
+    sweep: Sweep, capsys: pytest.CaptureFixture[str], native_path: Path
+) -> None:
+    sweep("m=1", "--output", "rows.parquet", "--record", "phi")
+    samples = Path("rows.trajectories.parquet")
+    content = samples.read_bytes()
+    samples.write_bytes(content[:8] + bytes(200) + content[208:])  # its end, which has the columns, is whole
+    options = ("--fmu", str(native_path), "--stop-time", "1", "--output-interval", "0.1", "--record", "phi")
+    assert command.main([*options, "m=1,2", "--output", "rows.parquet", "--resume"]) == 1
+    said, complained = capsys.readouterr()
+    assert said == ""
+    assert "rows.trajectories.parquet cannot be read: " in complained.splitlines()[-1]
+    assert len(rows_of(Path("rows.parquet.parts/rows-000001").rename("part.parquet"))) == 1
+
+
+def test_trajectories_without_their_rows_are_no_sweep(
+    sweep: Sweep, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("rows.trajectories.csv").write_text("run,time,phi\n", "utf-8")
+    for record in ([], ["--record", "phi"]):
+        said = refused(sweep, capsys, "m=1", "--output", "rows.csv", "--resume", *record)
+        assert "rows.trajectories.csv is there without rows.csv" in said
 
 
 def test_an_output_takes_one_sweep_at_a_time(sweep: Sweep, capsys: pytest.CaptureFixture[str]) -> None:
@@ -463,20 +535,87 @@ def test_an_output_takes_one_sweep_at_a_time(sweep: Sweep, capsys: pytest.Captur
                 sweep("m=1", "--output", "rows.csv", *resume)
             assert exit.value.code == 2
             assert "rows.csv is in use by another sweep" in capsys.readouterr().err
-    Path("rows.csv.lock").touch()  # as a sweep that was killed leaves it
+    lock = Path("rows.csv.lock")
+    with lock.open("ab") as file:
+        lock.unlink()  # the sweep before ends while the next one opens its lock
+        assert not _taken(file, lock)
+        lock.touch()  # as a sweep that was killed leaves it
+        assert not _taken(file, lock)
     assert sweep("m=1", "--output", "rows.csv")[0] == 0
     assert [path.name for path in Path().iterdir()] == ["rows.csv"]
 
 
-def test_where_nothing_can_be_written_nothing_is_run(
-    sweep: Sweep, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.skipif(sys.platform != "linux", reason="a process is given no cores of its own")
+def test_the_cores_are_those_that_the_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5, 8})
+    assert command._parser().parse_args([]).jobs == 3
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text")
+def test_a_name_that_is_no_text_can_be_shown(sweep: Sweep) -> None:
+    name = os.fsdecode(b"\xff.csv")
+    assert sweep("m=1", "--output", name)[1].endswith(r"\udcff.csv" + "\n")
+    assert len(rows_of(Path(name))) == 1
+
+
+KILLED = """
+import os, signal, sys
+from importlib.util import find_spec
+from validation.sweep import __main__ as command, files
+add = files.Store.add
+def last(self, *row):
+    add(self, *row)
+    if self._number == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+files.ROWS, files.Store.add = 1, last
+command.find_spec = lambda name: None if name == "distributed" else find_spec(name)
+command.main(sys.argv[1:])
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signal ends a process without its help")
+def test_a_sweep_that_is_killed_leaves_its_parts_and_a_lock_until_the_next(
+    sweep: Sweep, native_path: Path
+) -> None:
+    options = ("--fmu", str(native_path), "--stop-time", "1", "--output-interval", "0.1", "--record", "phi")
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED, *AXES, *options, "--output", "rows.csv"],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    assert {path.name for path in Path().iterdir()} == {"rows.csv.lock", "rows.csv.parts"}
+    assert "13 of 15 runs" in sweep(*AXES, "--output", "rows.csv", "--record", "phi", "--resume")[1]
+    assert {path.name for path in Path().iterdir()} == {"rows.csv", "rows.trajectories.csv"}
+
+
+@pytest.mark.parametrize(
+    ("folders", "files", "words"),
+    [
+        (["rows.csv.lock"], [], "cannot use rows.csv.lock: Is a directory"),
+        ([], ["rows.csv.parts"], "cannot use rows.csv.parts/rows.partial: Not a directory"),
+        ([], ["rows.csv.joined"], "cannot use rows.csv.joined"),
+        (["rows.csv.parts", "rows.csv.parts/rows.partial"], [], "cannot use rows.csv.parts/rows.partial: "),
+        (["rows.csv.parts", "rows.csv.parts/rows-000001"], [], "rows.csv.parts/rows-000001 cannot be read: "),
+        (["rows.trajectories.csv"], [], "rows.trajectories.csv is there without rows.csv"),
+    ],
+)
+def test_what_lies_in_the_way_is_named_before_anything_is_run(
+    sweep: Sweep,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    folders: Sequence[str],
+    files: Sequence[str],
+    words: str,
 ) -> None:
     monkeypatch.setattr(command, "_sweep", None)
-    Path("rows.csv.lock").mkdir()  # no file can have this name, whoever asks
-    with pytest.raises(SystemExit) as exit:
-        sweep("m=1", "--output", "rows.csv")
-    assert exit.value.code == 2
-    assert ". cannot be written: unable to open database file" in capsys.readouterr().err
+    for name in folders:
+        Path(name).mkdir()
+    for name in files:
+        Path(name).touch()
+    assert words in refused(sweep, capsys, "m=1", "--output", "rows.csv", "--resume")
 
 
 @pytest.mark.parametrize("full_for", [1, 100])

@@ -8,8 +8,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from errno import EAGAIN
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 import pytest
 
@@ -27,7 +29,9 @@ workers = pytest.importorskip(
 )
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("one", "two")  # of the workers of a cluster
-PATIENCE = 300.0  # for processes to start on a busy machine [s]
+# A busy machine may take any time for what a test waits for, so that Dask shall not give up before.
+PATIENCE = "1000 days"
+PATIENT = {"distributed.comm.timeouts.connect": PATIENCE, "distributed.scheduler.worker-ttl": None}
 
 
 def plan(fmu: Path, *axes: str, stop: float = 1.0, interval: float = 0.01) -> Plan:
@@ -36,10 +40,23 @@ def plan(fmu: Path, *axes: str, stop: float = 1.0, interval: float = 0.01) -> Pl
     return Plan(Common(known, names, stop, interval), count, runs)
 
 
-def until(condition: Callable[[], object]) -> None:
-    """Wait for a condition; a test that never meets it fails."""
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Let Dask wait, here and in the processes that are started."""
+    monkeypatch.setattr(workers, "PATIENCE", PATIENCE)
+    for name, value in PATIENT.items():
+        monkeypatch.setenv("DASK_" + name.replace(".", "__").replace("-", "_").upper(), repr(value))
+    with dask.config.set(PATIENT):
+        yield
+
+
+def until(condition: Callable[[], object], started: subprocess.Popen[Any]) -> None:
+    """Wait for a condition, however long it takes; fail if the process that brings it about has ended before."""
     pause, never = 0.05, Event()
-    assert any(condition() or never.wait(pause) for _ in range(round(PATIENCE / pause)))
+    while not condition():
+        running = started.poll() is None
+        assert running or condition(), started.args
+        never.wait(pause)
 
 
 @contextmanager
@@ -76,7 +93,7 @@ class Cluster:
             for name in names
         ]
         self.folder = folder
-        until(lambda: file.exists() and file.read_text("utf-8").endswith("}"))
+        until(lambda: file.exists() and file.read_text("utf-8").endswith("}"), self.scheduler)
         self.address: str = json.loads(file.read_text("utf-8"))["address"]
 
 
@@ -122,15 +139,46 @@ def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_lost_scheduler_ends_the_sweep_with_its_reason(native_path: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", [RuntimeError, OSError])
+def test_workers_that_cannot_be_started_are_one_line(
+    kind: type[Exception], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object, **__: object) -> None:
+        cause = OSError(EAGAIN, "Resource temporarily unavailable")
+        raise cause if kind is OSError else RuntimeError("Nanny failed to start.") from cause
+
+    monkeypatch.setattr(workers, "LocalCluster", refused)
+    words = r"--jobs 2: the workers cannot be started: Resource temporarily unavailable\Z"
+    with pytest.raises(WrongUseError, match=words), workers.local(2):
+        pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of open files that a process can ask for")
+def test_more_workers_than_files_can_be_open_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers.resource, "getrlimit", lambda _: (256, 1024))
+    monkeypatch.setattr(workers, "LocalCluster", None)
+    with (
+        pytest.raises(WrongUseError, match=r"--jobs 17: .* open files \(allowed: up to 16, "),
+        workers.local(17),
+    ):
+        pass
+
+
+def test_a_lost_scheduler_ends_the_sweep_with_its_reason(
+    native_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked = plan(native_path, "phi_start=10:170:1000:deg")
     rows = []
     with ExitStack() as stack:
+        monkeypatch.setattr(workers, "LARGEST", 10)  # so that batches are left, however fast the machine is
         cluster = Cluster(tmp_path, stack, NAMES[:1])
         client = stack.enter_context(workers.remote(cluster.address))
         done = workers.outcomes(client, native_path, asked.common, asked.runs())
         rows += [next(done) for _ in range(5)]
         cluster.scheduler.kill()
+        # Nobody is to wait for one that is dead.
+        stack.enter_context(dask.config.set({"distributed.comm.timeouts.connect": "1 s"}))
+        client._timeout = 1.0
         with pytest.raises(BrokenError, match="Error"):
             rows += done
     assert len(rows) < 1000
@@ -160,7 +208,7 @@ def test_each_row_is_there_once_when_a_worker_is_killed(deadly: Path, cluster: C
     with workers.remote(cluster.address) as client:
         rows = [row for row, _ in workers.outcomes(client, deadly, asked.common, asked.runs())]
     # Its runs were done by the other one, which is there still and has tidied its disk.
-    until(lambda: [one.poll() for one in cluster.workers].count(None) == 1)
+    until(lambda: [one.poll() for one in cluster.workers].count(None) == 1, cluster.scheduler)
     names = [name for name, one in zip(NAMES, cluster.workers, strict=True) if one.poll() is None]
     assert [row["run"] for row in rows] == [asked.common.identity(values) for values in asked.runs()]
     assert [bool(row["failure"]) for row in rows] == [row["gamma"] == -1 for row in rows]
@@ -207,10 +255,9 @@ def test_control_c_leaves_a_whole_file_and_no_noise(native_path: Path, tmp_path:
     )
     parts = output.with_name("rows.parquet.parts")
     try:
-        until(lambda: parts.exists() or started.poll() is not None)
-        assert started.poll() is None, started.communicate()
+        until(parts.exists, started)
         os.killpg(started.pid, signal.SIGINT)  # as a terminal does
-        said, complained = started.communicate(timeout=PATIENCE)
+        said, complained = started.communicate()
     finally:
         started.kill()
     assert started.returncode == 130

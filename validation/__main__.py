@@ -25,7 +25,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Exit with `message`."""
-        self.exit(2, f"{self.prog}: {message}\n")
+        one_line = "\\n".join(message.splitlines())  # names of files may be of several
+        self.exit(2, f"{self.prog}: {one_line}\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

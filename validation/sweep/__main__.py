@@ -19,8 +19,8 @@ from ..__main__ import Parser
 from ..fmu import DEFAULT_PATH, OUTPUTS, Fmu, UnusableFmuError, describe
 from ..interrupts import INTERRUPTED
 from ..report import screen
-from .errors import BrokenError, WrongUseError, reason
-from .files import FORMATS, Store, locked
+from .errors import BrokenError, WrongUseError, reason, shown
+from .files import FORMATS, TRAJECTORIES, Store, locked
 from .interface import Interface, interface
 from .plan import FORMS, Common, Plan, Runs, Values, axis, of_axes, of_file
 from .row import Row, Trajectory, columns, run
@@ -49,8 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.exit(INTERRUPTED, f"{parser.prog}: interrupted\n")
     except (WrongUseError, UnusableFmuError) as error:
         parser.error(str(error))
+    except OSError as error:  # before or behind the runs: theirs is `ended_by`
+        parser.error(f"cannot use {error.filename or options.output}: {reason(error)}")
     if not isinstance(ended_by, OSError):
-        print(f"{tally} in {spent:.1f} s: {options.output}")
+        print(f"{tally} in {spent:.1f} s: {shown(options.output)}")
     match ended_by:
         case None:
             return 0
@@ -90,7 +92,7 @@ def _parser() -> Parser:
         type=lambda text: tuple(text.split(",")),
         default=(),
         metavar="NAME,...",
-        help="write trajectories of these outputs, too, into FILE with .trajectories before its suffix",
+        help=f"write trajectories of these outputs, too, into FILE with {TRAJECTORIES} before its suffix",
     )
     parser.add_argument(
         "--series",
@@ -99,12 +101,19 @@ def _parser() -> Parser:
     )
     parser.add_argument("--resume", action="store_true", help="keep the rows of FILE and run what it lacks")
     parser.add_argument(
-        "--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes (default: cores)"
+        "--jobs", type=int, default=_cores(), metavar="N", help="processes (default: cores, %(default)s here)"
     )
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="run on the workers of this Dask scheduler instead"
     )
     return parser
+
+
+def _cores() -> int:
+    """Return how many cores this process may use: a batch system gives it some of the machine's."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _plan(options: argparse.Namespace) -> Plan:
@@ -146,6 +155,9 @@ def _runs(options: argparse.Namespace, known: Interface) -> Runs:
 def _check(options: argparse.Namespace) -> None:
     if options.output.suffix not in FORMATS:
         raise WrongUseError(f"--output {options.output}: must end in {' or '.join(FORMATS)}")
+    if options.output.stem.endswith(TRAJECTORIES):
+        ending = f"{TRAJECTORIES}{options.output.suffix}"
+        raise WrongUseError(f"--output {options.output}: must not end in {ending}, which --record writes")
     if options.output.suffix == ".parquet" and find_spec("pyarrow") is None:
         raise WrongUseError(f"--output {options.output} needs pyarrow: {EXTRA}")
     if options.scheduler is not None and find_spec("distributed") is None:

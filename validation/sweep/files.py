@@ -11,23 +11,30 @@ from __future__ import annotations
 import csv
 import os
 import shutil
-import sqlite3
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from time import monotonic
-from typing import Any, Protocol
+from typing import IO, Any, Protocol
 
 import numpy as np
 
 from .errors import WrongUseError, reason
 from .row import Row, Trajectory
 
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
 Kinds = Mapping[str, type]  # of columns: str, float or int
 Table = Mapping[str, Sequence[Any]]  # values by column
+TRAJECTORIES = ".trajectories"  # behind the stem of an output: the file of its trajectories
 ROWS, SAMPLES, SECONDS = 5_000, 200_000, 10.0  # a part is written when it holds so much, or is so old
 CHUNK = 65_536  # rows that are in memory when files are joined
+DAMAGED = (ValueError, csv.Error)  # what reading a damaged file raises; pyarrow's errors are ValueErrors
 
 
 class Format(Protocol):
@@ -36,11 +43,11 @@ class Format(Protocol):
     def write(self, path: Path, kinds: Kinds, table: Table) -> None:
         """Write a file."""
 
-    def names(self, path: Path) -> list[str]:
-        """Return the names of the columns."""
+    def names(self, path: Path, kinds: Kinds) -> list[str]:
+        """Return the names of the columns; raise ValueError if it is not whole, or its values are of other kinds."""
 
     def runs(self, path: Path) -> Iterator[str]:
-        """Yield the column `run`."""
+        """Yield the column `run`; raise ValueError at a row that is not whole."""
 
     def join(self, paths: Sequence[Path], kinds: Kinds, into: Path) -> None:
         """Write the rows of files of the same columns into one."""
@@ -55,14 +62,26 @@ class _Csv:
             writer.writerow(kinds)
             writer.writerows(zip(*(table[name] for name in kinds), strict=True))
 
-    def names(self, path: Path) -> list[str]:
+    def names(self, path: Path, kinds: Kinds) -> list[str]:
+        del kinds  # all is text
+        with path.open("rb") as file:
+            if file.seek(0, os.SEEK_END):
+                file.seek(-1, os.SEEK_END)
+                if file.read() != b"\n":
+                    raise ValueError("its last line has no end")
         with path.open(newline="", encoding="utf-8") as file:
             return next(csv.reader(file), [])
 
     def runs(self, path: Path) -> Iterator[str]:
         with path.open(newline="", encoding="utf-8") as file:
-            for row in csv.DictReader(file):
-                yield row["run"]
+            reader = csv.reader(file)
+            names = next(reader)
+            for row in filter(None, reader):
+                if len(row) != len(names):
+                    raise ValueError(
+                        f"line {reader.line_num} has another number of values than {len(names)} names"
+                    )
+                yield row[names.index("run")]
 
     def join(self, paths: Sequence[Path], kinds: Kinds, into: Path) -> None:
         with into.open("w", newline="", encoding="utf-8") as file:
@@ -89,8 +108,12 @@ class _Parquet:
     def write(self, path: Path, kinds: Kinds, table: Table) -> None:
         self._pq.write_table(self._pa.table(dict(table), self._schema(kinds)), path)
 
-    def names(self, path: Path) -> list[str]:
-        return list(self._pq.read_schema(path).names)
+    def names(self, path: Path, kinds: Kinds) -> list[str]:
+        schema = self._pq.read_schema(path)
+        for name, kind in kinds.items():
+            if name in schema.names and (found := schema.field(name).type) != self._types[kind]:
+                raise ValueError(f"the values of {name} are {found} (allowed: {self._types[kind]})")
+        return list(schema.names)
 
     def runs(self, path: Path) -> Iterator[str]:
         with self._pq.ParquetFile(path) as file:
@@ -110,36 +133,36 @@ FORMATS: dict[str, Callable[[], Format]] = {".csv": _Csv, ".parquet": _Parquet}
 
 @contextmanager
 def locked(output: Path) -> Iterator[None]:
-    """Keep other sweeps off an output.
-
-    SQLite locks files on POSIX and Windows alike, and the system takes the lock from a process that is killed.
+    """Keep other sweeps off an output; the system takes the lock from a process that is killed.
 
     Raises
     ------
-    WrongUseError : another sweep is at it, or nothing can be written beside it
+    WrongUseError : another sweep is at it
+    OSError : nothing can be written beside it
     """
     path = output.with_name(f"{output.name}.lock")
-    connection = None
+    with path.open("ab") as file:
+        if not _taken(file, path):
+            raise WrongUseError(f"{output} is in use by another sweep")
+        try:
+            yield
+        finally:
+            if sys.platform == "win32":
+                file.close()  # what is open cannot be removed
+            with suppress(OSError):  # Windows: another sweep has opened it
+                path.unlink()  # POSIX: before the lock is given back, because then it may be another's
+
+
+def _taken(file: IO[bytes], path: Path) -> bool:
+    """Lock an open file; return False if another process has locked it, or it is no longer the one at `path`."""
     try:
-        connection = sqlite3.connect(path, timeout=0)
-        connection.execute("BEGIN EXCLUSIVE")
-        if not path.exists():  # the sweep before ended between both
-            raise sqlite3.OperationalError("database is locked")
-    except sqlite3.OperationalError as error:
-        if connection is not None:
-            connection.close()
-        if str(error) == "database is locked":
-            raise WrongUseError(f"{output} is in use by another sweep") from None
-        raise WrongUseError(f"{output.parent} cannot be written: {error}") from None
-    try:
-        yield
-    finally:
-        if os.name == "posix":
-            path.unlink(missing_ok=True)  # before the lock is given back: afterwards it may be another's
-        connection.close()
-        if os.name != "posix":
-            with suppress(OSError):  # another's, which is open
-                path.unlink()
+        if sys.platform == "win32":
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except (BlockingIOError, PermissionError, FileNotFoundError):  # POSIX, Windows, and removed in between
+        return False
 
 
 class Store:
@@ -151,12 +174,13 @@ class Store:
 
     Raises
     ------
-    WrongUseError : the output is there and shall not be resumed, or was written by another kind of sweep
+    WrongUseError : the output is there and shall not be resumed, is damaged, or was written by another kind of sweep
+    OSError : something else is in its place
     """
 
     def __init__(self, output: Path, kinds: Kinds, record: Sequence[str], resume: bool) -> None:
         self._format: Format = FORMATS[output.suffix]()
-        trajectories = output.with_name(f"{output.stem}.trajectories{output.suffix}")
+        trajectories = output.with_name(f"{output.stem}{TRAJECTORIES}{output.suffix}")
         self._files = {"rows": output, "trajectories": trajectories}
         self._kinds: dict[str, Kinds] = {"rows": kinds}
         if record:
@@ -167,7 +191,10 @@ class Store:
         if there and not resume:
             raise WrongUseError(f"{there[0]} is there already (--resume goes on with it)")
         self._recover()
-        if self._written("rows") and bool(self._written("trajectories")) != bool(record):
+        if not self._written("rows"):
+            if self._written("trajectories"):
+                raise WrongUseError(f"{trajectories} is there without {output}")
+        elif bool(self._written("trajectories")) != bool(record):
             raise WrongUseError(f"{output} was written {'without' if record else 'with'} --record")
         self.done = self._read()
         self._number = max((int(path.name[-6:]) for path in self._parts.glob("rows-*")), default=0)
@@ -188,11 +215,11 @@ class Store:
         for kind, kinds in self._kinds.items():
             for path in self._written(kind):
                 try:
-                    if (names := self._format.names(path)) != list(kinds):
-                        raise WrongUseError(f"{path} has other columns: {', '.join(names)}")
+                    if (names := self._format.names(path, kinds)) != list(kinds):
+                        raise WrongUseError(f"{path} has other columns: {', '.join(names) or 'none'}")
                     if kind == "rows":
                         done.update(self._format.runs(path))
-                except (OSError, ValueError, csv.Error) as error:  # pyarrow's are ValueErrors
+                except (OSError, *DAMAGED) as error:
                     raise WrongUseError(f"{path} cannot be read: {reason(error)}") from None
         return done
 
@@ -238,12 +265,22 @@ class Store:
         self._clear()
 
     def close(self) -> None:
-        """Join the parts with what was there."""
+        """Join the parts with what was there.
+
+        Raises
+        ------
+        OSError : the disk is full, or trajectories that were there are damaged; the parts are kept
+        """
         self._flush()
         if not self._parts.exists():
             return
         for kind, kinds in self._kinds.items():
-            self._format.join(self._written(kind), kinds, self._parts / f"{kind}.partial")
+            try:
+                self._format.join(self._written(kind), kinds, self._parts / f"{kind}.partial")
+            except (OSError, *DAMAGED) as error:
+                if getattr(error, "errno", None) is not None:  # of the disk
+                    raise
+                raise OSError(f"{self._files[kind]} cannot be read: {reason(error)}") from error
         self._parts.rename(self._joined)
         self._publish()
 

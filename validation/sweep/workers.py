@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import CancelledError
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from itertools import count, islice
+from math import inf
 from pathlib import Path
 from shutil import rmtree
 from threading import Lock
@@ -30,12 +31,17 @@ from .errors import BrokenError, WrongUseError, reason
 from .plan import Common, Values
 from .row import Row, Trajectory, empty, run
 
+if sys.platform != "win32":
+    import resource
+
 Done = tuple[Row, Trajectory | None]
 SPEND = 0.5  # what a batch is meant to take [s]: a thousand times what Dask spends on it
 LONGEST = 1.0  # time [s] after which a batch returns what is done
 LARGEST = 1000  # runs of a batch
 AHEAD = 4  # batches that are under way for each thread of the workers
 PATIENCE = 5.0  # to reach the scheduler [s]
+FILES = 60  # that the process of the sweep has open: 21 with Dask 2026.7, and some to spare
+FILES_A_JOB = 12  # that each worker adds: 10
 
 # Dask hands objects of a registered module to cloudpickle, which takes the code along from a registered package.
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -113,25 +119,45 @@ class ByValue:
         return cloudpickle.loads, (self._pickled,)
 
 
+def _most_jobs() -> float:
+    """Return how many workers the process can talk to; Dask would wait for ever for files that it cannot open."""
+    if sys.platform == "win32":
+        return inf
+    allowed = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    return inf if allowed == resource.RLIM_INFINITY else max(0, allowed - FILES) // FILES_A_JOB
+
+
 @contextmanager
 def local(jobs: int, starting: AbstractContextManager[None] | None = None) -> Iterator[Client]:
-    """Yield a client of `jobs` processes of this machine, which are started in the context `starting`."""
+    """Yield a client of `jobs` processes of this machine, which are started in the context `starting`.
+
+    Raises
+    ------
+    WrongUseError : they cannot be started
+    """
+    if jobs > (most := _most_jobs()):
+        few = "the system allows too few open files"
+        raise WrongUseError(f"--jobs {jobs}: {few} (allowed: up to {most}, more with ulimit -n)")
     with ExitStack() as stack:
         # The nanny of a worker starts it anew; the cluster would close both if that took more than 15 s.
         stack.enter_context(dask.config.set({"distributed.deploy.lost-worker-timeout": "1000 days"}))
         with starting or nullcontext(), deaf():
-            cluster = stack.enter_context(
-                LocalCluster(
-                    n_workers=jobs,
-                    threads_per_worker=1,
-                    processes=True,
-                    host="127.0.0.1",
-                    dashboard_address="127.0.0.1:0",
-                    memory_limit=None,
-                    silence_logs=logging.CRITICAL,  # what goes wrong is in the rows, or ends the sweep
+            try:
+                cluster = stack.enter_context(
+                    LocalCluster(
+                        n_workers=jobs,
+                        threads_per_worker=1,
+                        processes=True,
+                        host="127.0.0.1",
+                        dashboard_address="127.0.0.1:0",
+                        memory_limit=None,
+                        silence_logs=logging.CRITICAL,  # what goes wrong is in the rows, or ends the sweep
+                    )
                 )
-            )
-            client = stack.enter_context(Client(cluster))
+                client = stack.enter_context(Client(cluster))
+            except (RuntimeError, OSError) as error:  # Dask's RuntimeError tells the reason as its cause
+                said = reason(error.__cause__ or error)
+                raise WrongUseError(f"--jobs {jobs}: the workers cannot be started: {said}") from None
         yield client
 
 
