@@ -21,8 +21,8 @@ GLOSSARY = {
     "row about the FMU": "a row that a fault in what the FMU gets or gives can break; shown in the study of faults",
     "row about formulas": "a row about the documents and the closed forms; no fault of the FMU moves it",
     "row about run times": "the ratio of two run times; it depends on the machine and on what else runs there",
-    "conventions": "1.5 x a leading term whose next one is not computed; 4 sigma of a random walk of roundings; "
-    "0.1 of an observed order",
+    "conventions": "1.5 x a leading term whose next one is not computed; a next term of which only the power is known, "
+    "with a coefficient of 2; 4 sigma of a random walk of roundings; 0.1 of an observed order",
 }
 
 TASKS = (
