@@ -30,24 +30,32 @@ RUNGE_KUTTA = tuple(method for method in SolverMethod if METHODS[method.name].ta
 
 @dataclass(frozen=True)
 class SubstepScene(Scene):
-    """Substeps of a damped and driven swing against the method as it is written: not small ones, but the right ones."""
+    """Substeps of a damped and driven swing against the method as it is written: not small ones, but the right ones.
+
+    And the outputs that follow from the state, with every parameter another than 1.
+    """
 
     TITLE = "substeps of {0.method.name}"
 
     method: SolverMethod
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
-        """Yield the difference after each of ten substeps, none of which is a small step."""
-        phi0, rate0, k2, torque, h, n = 1.2, 0.7, 0.5, 0.3, 0.1, 10
+        """Yield the difference after each of ten substeps, none of which is a small step, and that of the outputs."""
+        phi0, rate0, k2, drive, h, n = 1.2, 0.7, 0.5, 0.3, 0.1, 10
+        m, L = 2.0, 0.25  # powers of two: they cost no rounding
+        J, gamma, g = m * L * L, k2 * m, W02 * L
         start = {
-            "gamma": k2,
+            "m": m,
+            "L": L,
+            "gamma": gamma,
+            "g": g,
             "phi_start": phi0,
             "w_start": rate0,
             "solver.method": self.method,
             "solver.stepSize": h,
         }
-        run = fmu.run(Experiment(n * h, h, start, lambda _: torque, record=("phi", "w")))
-        exact = discrete.motion(self.method.name, list(run.t), phi0, rate0, k2, W02, h, torque)
+        run = fmu.run(Experiment(n * h, h, start, lambda _: drive * J, record=("phi", "w", "a", "E")))
+        exact = discrete.motion(self.method.name, list(run.t), phi0, rate0, k2, W02, h, drive)
         yield Check(
             f"{n} substeps of {self.method.name} with drag and torque, h*w0 = {h * W0:.2g}",
             state_error(run["phi"], run["w"], exact),
@@ -55,6 +63,21 @@ class SubstepScene(Scene):
             "four roundings of a substep of the FMU, three here, magnified by the coefficients with which stages enter "
             "the last one",
             "rad",
+        )
+        phi, w = run["phi"], run["w"]
+        torques = np.array(
+            (np.append(0.0, np.full(n, drive * J)), -gamma * L * L * w, -m * g * L * np.sin(phi))
+        )
+        energies = np.array((J / 2 * w**2, 2 * m * g * L * np.sin(phi / 2) ** 2))
+        yield Check(
+            f"a and E after substeps of {self.method.name}",
+            largest(
+                np.max(np.abs(output - terms.sum(axis=0)) / np.abs(terms).sum(axis=0))
+                for output, terms in ((J * run["a"], torques), (run["E"], energies))
+            ),
+            7 * UNIT,
+            "J*a = tau - gamma*L^2*w - m*g*L*sin(phi), tau set after the start, E = J*w^2/2 + 2*m*g*L*sin(phi/2)^2, "
+            "relative to their terms; four roundings of the FMU, three here",
         )
 
 
