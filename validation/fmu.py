@@ -49,6 +49,7 @@ G = 9.80665  # default gravity acceleration [m/s2]
 W02 = G  # squared angular frequency of small swings of the default pendulum [rad2/s2]
 W0 = sqrt(W02)
 T0 = 2 * pi / W0
+SUBSTEP = 1e-3  # default solver.stepSize [s]
 
 
 class UnusableFmuError(Exception):

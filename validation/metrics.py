@@ -13,9 +13,15 @@ from .fmu import W0
 
 # Conventions: numbers that no theory gives, the same for all studies.
 SAFETY = 1.5  # times a leading term whose next one is not computed
+NEXT = 2.0  # coefficient of a next term of which only the power is known
 SIGMAS = 4.0  # standard deviations that a random walk of roundings is given
 ORDER = 0.1  # deviation of an observed order from that in theory
-ROUNDING = 2.0**-53 / sqrt(3)  # standard deviation of a relative rounding; the largest is 2^-53
+SMALL = (
+    1e-9  # amplitude [rad] of linear motion: the nonlinearity, a relative SMALL^2*w0*T/16, is below rounding
+)
+
+UNIT = 2.0**-53  # the largest relative rounding
+ROUNDING = UNIT / sqrt(3)  # standard deviation of a relative rounding
 
 Array = NDArray[np.float64]
 Quantity = TypeVar("Quantity", float, Array)
@@ -31,7 +37,7 @@ def free_rounding(time: float, substep: float, w0: float = W0) -> float:
 
     The substep rounds the same way each time, and so does the argument of the exact sine.
     """
-    return walk(time / substep) + 2.0**-52 * w0 * time
+    return walk(time / substep) + 2 * UNIT * w0 * time
 
 
 def state_error(phi: Array, w: Array, exact: tuple[Array, Array], w0: float = W0) -> float:

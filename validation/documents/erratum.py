@@ -9,17 +9,16 @@ from functools import partial
 
 from ..checks import About, Check, Plot, Result, Table
 from ..fmu import Fmu
+from ..metrics import UNIT
 from ..studies.scene import Scene
-
-ROUNDING = 1.1e-16
 
 
 @dataclass(frozen=True)
 class Number:
     """A number that shows a mistake: what it is, its digits, and how the program finds it.
 
-    `expected` comes from 40-digit arithmetic, and its last digit is the bound. Where the digits do not bound the
-    difference, `bound` and `reason` do.
+    `expected` comes from 40-digit arithmetic, and half a unit of its last digit is the bound. Where the digits do not
+    bound the difference, `bound` and `reason` do.
     """
 
     name: str
@@ -37,8 +36,8 @@ class Number:
         return Check(
             f"{self.name} = {self.expected}",
             abs(value - float(self.expected)),
-            self.bound or max(unit_in_last_place, 4 * ROUNDING * abs(float(self.expected))),
-            self.reason or "a unit of the last digit, or four roundings",
+            self.bound or unit_in_last_place / 2 + 3 * UNIT * abs(float(self.expected)),
+            self.reason or "half a unit of the last digit, and three roundings",
             self.unit,
             about=self.about,
         )

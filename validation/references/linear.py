@@ -124,10 +124,35 @@ def rk4_step(H: float, k2: float, w02: float, h: float) -> tuple[Array, Array]:
     About the deflection by the drive a substep multiplies by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z the matrix of
     y' = A*y times the substep.
     """
-    n, one = ceil(H / h * (1 - NOISE)), np.eye(2)
-    z = H / n * np.array([[0.0, 1.0], [-w02, -k2]])
-    step = np.linalg.matrix_power(one + z @ (one + z @ (one + z @ (one + z / 4) / 3) / 2), n)
-    return step, (one - step) @ np.array([1 / w02, 0.0])
+    n = ceil(H / h * (1 - NOISE))
+    change = _power_less_one(_rk4_change(H / n, k2, w02), n)
+    return np.eye(2) + change, -change @ np.array([1 / w02, 0.0])
+
+
+def rk4_evolution(steps: ArrayLike, phi0: float, rate0: float, k2: float, w02: float, h: float) -> State:
+    """Return what RK4 makes of `free_evolution` in so many steps of `h` [s]."""
+    start, change = np.array([phi0, rate0]), _rk4_change(h, k2, w02)
+    counts = np.asarray(steps)
+    states = [start + _power_less_one(change, n) @ start for n in counts.ravel().tolist()]
+    phi, w = np.array(states).T
+    return phi.reshape(counts.shape), w.reshape(counts.shape)
+
+
+def _rk4_change(h: float, k2: float, w02: float) -> Array:
+    """Return R(z) - 1, z the matrix of y' = A*y times `h` [s]."""
+    one, z = np.eye(2), h * np.array([[0.0, 1.0], [-w02, -k2]])
+    return np.asarray(z @ (one + z @ (one + z @ (one + z / 4) / 3) / 2))
+
+
+def _power_less_one(change: Array, n: int) -> Array:
+    """Return (1 + change)^n - 1, which keeps the digits of a small change."""
+    power = np.zeros((2, 2))
+    while n:
+        if n % 2:
+            power = power + change + power @ change
+        change = 2 * change + change @ change
+        n //= 2
+    return power
 
 
 def rk4_response(u: ArrayLike, H: float, k2: float, w02: float, h: float) -> State:

@@ -27,6 +27,11 @@ class Tableau:
     A: Sequence[Sequence[float]]
     b: Sequence[float]
 
+    @property
+    def weight(self) -> float:
+        """The sum of |b|, by which roundings of the stages enter the step."""
+        return sum(map(abs, self.b))
+
     def stability(self, z: complex) -> complex:
         """Return R(z), the factor of a step of y' = lambda*y."""
         slopes: list[complex] = []  # of the stages, in units of lambda*y

@@ -12,13 +12,13 @@ import numpy as np
 from .. import references
 from ..checks import Check, Map, Maps, Result, Table
 from ..fmu import OUTPUTS, W0, W02, Fmu, SolverMethod
-from ..metrics import Array, largest
+from ..metrics import UNIT, Array, largest
 from ..references import discrete
 from ..references.methods import METHODS
 from ..sweep.interface import interface
 from ..sweep.plan import Common, axis, of_axes
 from ..sweep.row import Row, columns, run
-from .methods import EPS, magnification, radius_of_convergence
+from .methods import magnification, radius_of_convergence
 from .scene import Case
 
 TITLE = "Atlas: error and time of each method over amplitude and step"
@@ -69,7 +69,7 @@ def cell(method: SolverMethod, amplitude: float, n: int) -> Cell:
     phi, w = discrete.motion(method.name, t, amplitude, 0.0, 0.0, W02, h)
     states = np.array((phi, w / W0)).T
     unit = (
-        4 * EPS * (magnification(method) * float(np.max(np.hypot(*states.T))) + _terms(method, amplitude, h))
+        7 * UNIT * (magnification(method) * float(np.max(np.hypot(*states.T))) + _terms(method, amplitude, h))
     )
     growth, rounding = np.eye(2), 0.0
     for state in states[-2::-1]:
@@ -127,8 +127,8 @@ def _judged(method: SolverMethod, rows: Sequence[Row]) -> Iterator[Check]:
         error = hypot(expected.phi - float(exact[0]), expected.rate - float(exact[1]) / W0)
         errors.append(abs(_number(row, "error") - error) / expected.rounding)
     reason = (
-        f"of the round-off: four roundings of each substep, grown as the discrete motion grows them; {len(motions)} "
-        f"amplitudes and steps where that is less than {LINEAR:g} rad"
+        f"of the round-off: four roundings of a substep, three of the discrete one, grown as it grows them; "
+        f"{len(motions)} amplitudes and steps where that is less than {LINEAR:g} rad"
     )
     yield Check(f"{method.name}: swings are the discrete motions", largest(motions), 1.0, reason)
     yield Check(f"{method.name}: errors in the rows are theirs", largest(errors), 1.0, reason)

@@ -15,8 +15,8 @@ from scipy.special import ellipkm1
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table, formula
-from ..fmu import W02, Experiment, Fmu, SolverMethod, swing
-from ..metrics import ROUNDING, SAFETY, SIGMAS, Array, largest
+from ..fmu import SUBSTEP, W02, Experiment, Fmu, SolverMethod, swing
+from ..metrics import UNIT, Array, largest, walk
 from ..references import discrete
 from .scene import Case, Scene
 
@@ -24,8 +24,6 @@ TITLE = "Crawford's memorandum: elliptic integral and figures 2 to 9"
 FORMULA = (
     "T = 4/w0*F(pi/2, k), k = sin(alpha/2), by the series (17), the descent (18)-(19) corrected, the AGM (20)"
 )
-
-EPS = 2.0**-52  # the spacing of doubles at 1, twice the largest relative rounding
 
 # Terms of (17), the 1 included, for relative errors of 1e-6 and 1e-12: from 40-digit sums. For 1e-12 at 179 deg the
 # count exceeds 200000.
@@ -46,19 +44,18 @@ SERIES_LENGTHS: dict[float, Sequence[int]] = {
 }
 NEAR_UPRIGHT = (179.9, 179.99, 179.999)
 
-# Largest deviation of alpha*cos(2*pi*t/T) from the motion over a period, relative to alpha, and the size of its last
-# digit: from 40-digit evaluation of the elliptic functions.
-SINUSOID = (
-    (5, 6.1e-5, 1e-6),
-    (30, 2.2e-3, 1e-4),
-    (60, 9.4e-3, 1e-4),
-    (90, 2.3e-2, 1e-3),
-    (120, 4.9e-2, 1e-3),
-    (150, 0.10, 1e-2),
-    (170, 0.19, 1e-2),
-    (179, 0.35, 1e-2),
-)
-SUBSTEP = 1e-3  # [s], the default
+# Largest deviation of alpha*cos(2*pi*t/T) from the motion at t = n*T/400, relative to alpha: from 30-digit evaluation
+# of the elliptic functions, to 12 decimals.
+SINUSOID = {
+    5: 0.000061092465,
+    30: 0.002234851040,
+    60: 0.009412752859,
+    90: 0.023288802070,
+    120: 0.048502262659,
+    150: 0.100286971941,
+    170: 0.189456477716,
+    179: 0.352165374555,
+}
 
 FIGURE_G = 9.81  # [m/s2]
 FIGURE_ANGLE = radians(30)
@@ -79,13 +76,15 @@ class IntegralScene(Scene):
         amplitude = radians(self.amplitude)
         k, k1 = sin(amplitude / 2), cos(amplitude / 2)
         exact = float(ellipkm1(k1 * k1))
-        rounding = EPS / 2 * k * k / (k1 * k1) / exact
-        reason = f"the rounding of k moves K by {rounding:.1e}, as dK/dk is 1/k'^2 at most; and 4 roundings"
+        rounding = UNIT * k * k / (k1 * k1) / exact
+        reason = (
+            f"the rounding of k moves K by {rounding:.1e}, as dK/dk is k/k'^2 at most; and eight roundings"
+        )
         for name, value in (
             ("AGM (20)", references.complete_by_agm(k)),
             ("descent (18)-(19)", references.incomplete_by_descent(pi / 2, k)),
         ):
-            yield formula(f"{self.name}: {name}", abs(value / exact - 1), rounding + 4 * EPS, reason)
+            yield formula(f"{self.name}: {name}", abs(value / exact - 1), rounding + 8 * UNIT, reason)
         if not self.lengths:
             return
         tolerances = (1e-6, 1e-12)[: len(self.lengths)]
@@ -93,8 +92,8 @@ class IntegralScene(Scene):
         yield formula(
             f"{self.name}: series (17), {self.lengths[-1]} terms",
             abs(series / exact - 1),
-            tolerances[-1] + 4 * EPS,
-            f"that many terms are meant to reach {tolerances[-1]:g}; and 4 roundings",
+            tolerances[-1] + 8 * UNIT,
+            f"that many terms are meant to reach {tolerances[-1]:g}; and eight roundings",
         )
         counts = [references.series_length(amplitude, tolerance) for tolerance in tolerances]
         yield formula(
@@ -120,18 +119,18 @@ class QuadratureScene(Scene):
         T, root_g = references.period(alpha, FIGURE_G), sqrt(FIGURE_G)
         falling = _to_turning_point(lambda x: _over_root(x, alpha), alpha)
         theta = _integral(lambda x: 1 / sqrt(1 - (k * sin(x)) ** 2), pi / 2)
-        # As with the AGM, the rounding of k moves the last one by 1/k'^2.
-        lost = EPS * k * k / (k1 * k1)
-        for name, value, roundings in (
-            ("(10)", sqrt(8) / root_g * falling, 16 * EPS),
-            ("(11)", 2 / root_g * sqrt(2) * falling, 16 * EPS),
-            ("(14)", 4 / root_g * theta, 16 * EPS + lost),
+        # As with the AGM, the rounding of k moves the last one by k/k'^2; as K exceeds 1, that is more than relative.
+        lost = UNIT * k * k / (k1 * k1)
+        for name, value, moved in (
+            ("(10)", sqrt(8) / root_g * falling, 0.0),
+            ("(11)", 2 / root_g * sqrt(2) * falling, 0.0),
+            ("(14)", 4 / root_g * theta, lost),
         ):
             yield formula(
                 f"{self.name}: period by {name}",
                 abs(value / T - 1),
-                roundings,
-                "QUADPACK bisects until its 21 points are exact to rounding; some roundings",
+                QUADRATURE + moved,
+                f"{QUADRATURE_REASON}{f'; the rounding of k, {lost:.1e}' if moved else ''}",
             )
         t = 0.2 * T  # after the lowest point, of T/4 to the turning point
         phi = -float(references.libration(T / 4 + t, alpha, FIGURE_G)[0])
@@ -139,9 +138,14 @@ class QuadratureScene(Scene):
         yield formula(
             f"{self.name}: time by (9) from the lowest point",
             abs(time / t - 1),
-            16 * EPS,
-            "0.2*T; as before",
+            QUADRATURE,
+            f"0.2*T; {QUADRATURE_REASON}",
         )
+
+
+# QUADPACK bisects until its 21 points are exact; their positive terms are summed, each rounded as is their sum.
+QUADRATURE = 32 * UNIT
+QUADRATURE_REASON = "sums of 21 points with a rounding each, and eleven of a point and of the factors"
 
 
 def _fall(x: float, alpha: float) -> float:
@@ -173,17 +177,28 @@ def _difficulty(_: Fmu) -> Iterator[Result]:
         "Relative errors of (14) with 32 intervals or points",
         ("alpha [deg]", *RULES),
         rows,
-        "Section 1 calls simple rules very difficult. They are not, but close to 180 deg.",
+        "Section 1 calls simple rules very difficult. They are so close to 180 deg only.",
     )
     half = sin(radians(90) / 2) ** 2
     exact = references.period(radians(90), 1.0) / 4
-    for name, bound in (("Simpson", 1e-12), ("Gauss", 4 * EPS), ("trapezoid", 4 * EPS)):
+    n = 16
+    strip = (
+        sqrt(half) / (1 + sqrt(1 - half))
+    ) ** 2  # 0.17, at most exp(-2*y) of the singularities at pi/2 + i*y
+    for name, truncation, why in (
+        ("Simpson", strip**n, "below 0.17^n, as of the trapezoidal rule with half as many intervals"),
+        (
+            "Gauss",
+            0.0,
+            "3.1^(-2n), of the ellipse through the singularities pi/2 + 0.88*i, is below rounding",
+        ),
+        ("trapezoid", 0.0, "0.17^(2n) is below rounding"),
+    ):
         yield formula(
-            f"(14) at 90 deg by 16 intervals of {name}",
-            abs(RULES[name](half, 16) / exact - 1),
-            bound,
-            "the integrand is periodic and analytic: errors fall like (k/(1 + k'))^(2n) = 0.17^n; Simpson's are those "
-            "of half as many intervals",
+            f"(14) at 90 deg by {n} intervals of {name}",
+            abs(RULES[name](half, n) / exact - 1),
+            truncation + 8 * UNIT,
+            f"the integrand is periodic and analytic: the error {why}; and eight roundings",
         )
 
 
@@ -215,31 +230,34 @@ def _identities(_: Fmu) -> Iterator[Result]:
     slope = np.imag(2 * np.arcsin(k * np.sin(theta + 1e-20j))) / 1e-20  # dphi/dtheta by the complex step
     middle = 2 * k * np.cos(theta) / np.cos(half)
     right = 2 * np.sqrt(k * k - np.sin(half) ** 2) / np.sqrt(1 - (k * np.sin(theta)) ** 2)
-    # k^2 - sin^2 cancels where cos(theta) = 0.07.
-    few = 8 * EPS / 0.07**2
     yield formula(
         "(12): cos(phi/2)*dphi/2 = k*cos(theta)*dtheta",
         largest(abs(slope * np.cos(half) / 2 / (k * np.cos(theta)) - 1)),
-        8 * EPS,
+        8 * UNIT,
         "the complex step loses nothing; eight roundings",
     )
     yield formula(
-        "(13), both equalities", largest(abs(right / middle - 1)), few, "eight roundings, over cos(theta)^2"
+        "(13), both equalities",
+        largest(abs(right / middle - 1)),
+        8 * UNIT / float(np.cos(theta[-1])) ** 2,
+        "eight roundings, over cos(theta)^2 >= 0.005: there k^2 - sin(phi/2)^2 cancels",
     )
-    t = np.linspace(0.01, 0.49, 25) * references.period(alpha, FIGURE_G)
+    t = np.linspace(0.1, 0.4, 25) * references.period(alpha, FIGURE_G)
     phi, w = references.libration(t, alpha, FIGURE_G)
     fall = 2 * np.sin((alpha - phi) / 2) * np.sin((alpha + phi) / 2)
+    near = 8 * UNIT * alpha / float(alpha - np.abs(phi).max())
+    why = f"eight roundings of angles, over the share {8 * UNIT / near:.2g} of alpha that is the least distance to it"
     yield formula(
         "(8): rate of the half swing that falls",
         largest(abs(np.abs(w) / np.sqrt(2 * FIGURE_G * fall) - 1)),
-        16 * EPS / sin(0.06),
-        "some roundings, over the angle of 0.06 rad from the turning point that the first sample has",
+        near / 2,
+        f"half of {why}",
     )
     yield formula(
         "(15): kinetic energy is the loss of potential",
         largest(abs(w * w / 2 / (FIGURE_G * fall) - 1)),
-        32 * EPS / sin(0.06),
-        "the square of the former",
+        near,
+        why,
     )
     defects = []
     for h in (0.006, 0.03, 0.075, 0.2):
@@ -249,15 +267,15 @@ def _identities(_: Fmu) -> Iterator[Result]:
     yield formula(
         "(27) times (28) is 1",
         largest(defects),
-        4 * EPS,
+        4 * UNIT,
         "four roundings of numbers below 1",
     )
     ratio = references.period(FIGURE_ANGLE, FIGURE_G) / (2 * pi / sqrt(FIGURE_G))
     yield formula(
         "period (14) over that of (5), 30 deg",
         abs(ratio - 1.0174087975959560087),
-        4 * EPS,
-        "1.0174087975959560087 by 40-digit AGM; four roundings",
+        8 * UNIT,
+        "1.0174087975959560087 by 40-digit AGM; eight roundings",
     )
 
 
@@ -277,8 +295,9 @@ class DescentScene(Scene):
         yield formula(
             self.name,
             abs(references.incomplete_by_descent(self.angle, self.k) / exact - 1),
-            (2 * self.steps + 6) * EPS,
-            "against Carlson's R_F; every descent has positive terms only and adds some two roundings",
+            (2 * self.steps + 8) * UNIT,
+            "against Carlson's R_F; a descent has positive terms only and adds 1 + k and its product, two roundings; "
+            "and eight",
         )
         errors = [
             abs(references.incomplete_by_descent(self.angle, self.k, steps) / exact - 1)
@@ -296,13 +315,12 @@ class DescentScene(Scene):
 
 @dataclass(frozen=True)
 class SinusoidScene(Scene):
-    """The motion against a sinusoid of the exact period: amplitude [deg], relative deviation, its last digit."""
+    """The motion against a sinusoid of the exact period: amplitude [deg], largest deviation relative to it."""
 
     TITLE = "sinusoid with the exact period at {0.amplitude:g} deg"
 
     amplitude: float
     deviation: float
-    digit: float
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield how far the sinusoid is from the FMU, and from the exact motion."""
@@ -312,20 +330,19 @@ class SinusoidScene(Scene):
         sinusoid = angle * np.cos(2 * pi * run.t / T)
         exact = references.libration(run.t, angle, W02)[0]
         deviation = largest(np.abs(exact - sinusoid)) / angle
-        rk4, rounding = _small_errors(self.amplitude)
+        rk4, rounding = _rk4_error(angle), _rounding(angle)
         yield Check(
             f"{self.name}: deviation of the FMU",
             abs(largest(np.abs(run["phi"] - sinusoid)) / angle - deviation),
-            (SAFETY * rk4 + rounding) / angle,
-            f"{deviation:.6g} of alpha, from the elliptic functions; {SAFETY} x RK4's error {rk4:.1e} rad, round-off "
-            f"{rounding:.1e} rad",
+            (rk4 + rounding) / angle,
+            f"{deviation:.6g} of alpha, from the elliptic functions; the error {rk4:.1e} rad of RK4's discrete motion, "
+            f"round-off {rounding:.1e} rad",
         )
         yield formula(
             f"{self.name}: deviation of the exact motion",
             abs(deviation - self.deviation),
-            0.5 * self.digit + (pi / 400) ** 2 / 2 * 9 * self.deviation,
-            f"{self.deviation:g} of alpha, half a unit of its last digit; 400 samples miss the peak of the third "
-            "harmonic by less than the rest",
+            0.5e-12,
+            f"{self.deviation:.12f} of alpha, half a unit of its last digit",
         )
         if self.amplitude in (30, 150):
             yield Plot(
@@ -344,17 +361,19 @@ class SinusoidScene(Scene):
 
 
 @cache
-def _small_errors(amplitude: float) -> tuple[float, float]:
-    """Return RK4's largest error [rad] over a period from `amplitude` [deg] at the default step, and round-off."""
-    angle = radians(amplitude)
-    T = references.period(angle, W02)
+def _rk4_error(amplitude: float) -> float:
+    """Return the largest error [rad] of RK4's discrete motion over a period from `amplitude` [rad], default step."""
+    T = references.period(amplitude, W02)
     t = Experiment(T, T / 400).times()
-    phi, _ = discrete.motion(SolverMethod.ExplicitRungeKutta4.name, t, angle, 0.0, 0.0, W02, 16 * SUBSTEP)
-    h = T / 400  # 16 substeps are longer than a communication step, so that one is made in each
-    error = largest(np.abs(phi - references.libration(np.array(t), angle, W02)[0]))
-    runaway = 2 * pi * angle * references.period_slope(angle, W02) / T
-    rounding = SIGMAS * ROUNDING * angle * sqrt(T / SUBSTEP) * (1 + runaway)
-    return error * (SUBSTEP / h) ** 4, rounding
+    phi, _ = discrete.motion(SolverMethod.ExplicitRungeKutta4.name, t, amplitude, 0.0, 0.0, W02, SUBSTEP)
+    return largest(np.abs(phi - references.libration(np.array(t), amplitude, W02)[0]))
+
+
+def _rounding(amplitude: float) -> float:
+    """Return the round-off [rad] of a period from `amplitude` [rad] at the default step."""
+    T = references.period(amplitude, W02)
+    runaway = 2 * pi * amplitude * references.period_slope(amplitude, W02) / T
+    return walk(T / SUBSTEP) * amplitude * (1 + runaway)
 
 
 @dataclass(frozen=True)
@@ -459,10 +478,9 @@ def _figure_rounding(scene: FigureScene, t: Array) -> float:
     T = references.period(top, FIGURE_G)
     runaway = 2 * pi * t[-1] / T * top * references.period_slope(top, FIGURE_G) / T
     fastest = 2 * sqrt(FIGURE_G) * sin(top / 2)
-    walk = SIGMAS * ROUNDING * top * sqrt(len(t)) * (1 + runaway)
     # The matrix of (28) rounds once, and that adds up.
-    same = EPS / 2 * len(t) * top if scene.method is None else 0.0
-    return float(2 * walk + same + 2 * EPS * t[-1] * fastest)
+    same = UNIT * len(t) * top if scene.method is None else 0.0
+    return float(2 * walk(len(t)) * top * (1 + runaway) + same + 4 * UNIT * t[-1] * fastest)
 
 
 def _picture(
@@ -470,10 +488,7 @@ def _picture(
 ) -> Plot:
     shown = t <= 10 + scene.step / 2
     ends = ", ".join(f"{end:g}" for end, _ in scene.numbers)
-    errors, ratios, energies = (
-        ", ".join(f"{factor * (x + more):.4g}" for x in column)
-        for column, factor, more in zip(zip(*measured, strict=True), (180 / pi, 1, 1), (0, 0, 1), strict=True)
-    )
+    errors, ratios, changes = (np.array(column) for column in zip(*measured, strict=True))
     computed = Curve(
         "formula (28)" if scene.method is None else f"FMU, {scene.method.name}",
         t[shown],
@@ -487,10 +502,15 @@ def _picture(
         "t [s]",
         "phi [deg]",
         [Curve("exact", times, np.degrees(smooth)), computed],
-        note=f"At {ends} s: largest error {errors} deg; amplitude {ratios} and energy {energies} of what they were.",
+        note=f"At {ends} s: largest error {_list(np.degrees(errors), '.4g')} deg; the amplitude has changed by "
+        f"{_list(100 * (ratios - 1), '+.3g')} %, the energy by {_list(100 * changes, '+.3g')} %.",
         below=[Curve("error", t[shown], np.degrees((phi - exact)[shown]))],
         below_label="error [deg]",
     )
+
+
+def _list(values: Array, form: str) -> str:
+    return ", ".join(f"{value:{form}}" for value in values)
 
 
 def _figures() -> Iterator[FigureScene]:
@@ -540,6 +560,6 @@ SCENES = (
     DescentScene(1.0, 0.99, 4),
     DescentScene(1.5, 0.999, 5),
     DescentScene(1.57, 0.999999, 6),
-    *(SinusoidScene(*row) for row in SINUSOID),
+    *(SinusoidScene(*row) for row in SINUSOID.items()),
     *_figures(),
 )

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import references
 from ..checks import Check, Curve, Note, Plot, Result, Table, formula
-from ..fmu import W02, Experiment, Fmu, G, SolverMethod, swing
+from ..fmu import SUBSTEP, W02, Experiment, Fmu, G, SolverMethod, swing
 from ..metrics import (
     ORDER,
     ROUNDING,
@@ -34,7 +34,6 @@ AMPLITUDES = (1, 5, 10, 20, 30, 45, 60, 90, 120, 150, 170, 175, 179, 179.9, 179.
 GRAVITIES = (G, 9.81)
 PERIODS = 5
 STEP = 0.008  # communication step [s], 8, 4 and 2 substeps; the interpolation is then exact to 4e-16 s
-SUBSTEP = 1e-3  # [s], the default
 RK4 = SolverMethod.ExplicitRungeKutta4.name
 PHASE_SUBSTEP = 2e-3  # [s] of the finest of the runs that show RK4's h^4 error; it is then far above rounding
 

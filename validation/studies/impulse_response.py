@@ -10,16 +10,14 @@ import numpy as np
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, formula
-from ..fmu import T0, W0, W02, Experiment, Fmu, Run
-from ..metrics import SAFETY, Array, free_rounding, largest, walk
+from ..fmu import SUBSTEP, T0, W0, W02, Experiment, Fmu, Run
+from ..metrics import SAFETY, SMALL, Array, free_rounding, largest, walk
 from .scene import Scene
 
 TITLE = "Linear impulse response"
 FORMULA = "h(t) = exp(-k2*t/2)*sin(a*t)/a, a^2 = w02 - k2^2/4, Grillo with nabla = 4*w02 - k2^2"
 
-SUBSTEP = 1e-3  # [s], the default
 STEP = 0.05  # communication step [s]
-SMALL = 1e-9  # amplitude [rad]: the nonlinearity, a relative SMALL^2*w0*T/16, is below rounding
 
 
 @dataclass(frozen=True)

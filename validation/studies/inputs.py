@@ -11,16 +11,13 @@ import numpy as np
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table, formula
-from ..fmu import W0, W02, Experiment, Fmu, Run, SolverMethod
-from ..metrics import Array, free_rounding, largest, observed_order, walk
+from ..fmu import SUBSTEP, W0, W02, Experiment, Fmu, Run, SolverMethod
+from ..metrics import SMALL, UNIT, Array, free_rounding, largest, observed_order, walk
 from .scene import Scene
 
 TITLE = "Held and interpolated inputs"
 FORMULA = "cost of an input: exact response to the drive less that to the polynomials that stand for it"
 
-SMALL = 1e-9  # amplitude [rad]: the nonlinearity, a relative SMALL^2*w0*T/16, is below rounding
-SUBSTEP = 1e-3  # [s], the default
-EPS = 2.0**-52
 
 Drive = Callable[[float], float]
 
@@ -223,7 +220,7 @@ def _judged(scene: HoldScene, run: Run, H: float, peak: float, way: Input) -> tu
     A substep of RK4 rounds the same way each time, and so does the step of the exact answers, some four times.
     """
     steps, phi, exact = len(run.t), run["phi"] / SMALL, _held(scene, H, way)
-    same = 2 * steps * EPS * peak
+    same = 4 * steps * UNIT * peak
     if way.held is None:
         error = largest(np.abs(phi - exact))
         return (

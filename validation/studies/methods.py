@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import exp, hypot, pi, radians
+from math import hypot, pi, radians
 
 import numpy as np
 from scipy.special import ellipk
@@ -12,7 +12,7 @@ from scipy.special import ellipk
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table
 from ..fmu import W0, W02, Experiment, Fmu, SolverMethod, swing
-from ..metrics import SAFETY, largest, observed_order, state_error
+from ..metrics import NEXT, SAFETY, SIGMAS, UNIT, Array, largest, observed_order, state_error, walk
 from ..references import discrete
 from ..references.methods import METHODS
 from .scene import Case, Scene
@@ -22,7 +22,6 @@ FORMULA = (
     "tableaux and the Taylor series of phi; radius of convergence K(k')/w0; dE/dt by the modified equation"
 )
 
-EPS = 2.2e-16
 RUNGE_KUTTA = tuple(method for method in SolverMethod if METHODS[method.name].tableau is not None)
 
 
@@ -31,31 +30,80 @@ RUNGE_KUTTA = tuple(method for method in SolverMethod if METHODS[method.name].ta
 
 @dataclass(frozen=True)
 class SubstepScene(Scene):
-    """Substeps of a damped and driven swing against the method as it is written: not small ones, but the right ones."""
+    """Substeps of a damped and driven swing against the method as it is written: not small ones, but the right ones.
+
+    And the outputs that follow from the state, with every parameter another than 1.
+    """
 
     TITLE = "substeps of {0.method.name}"
 
     method: SolverMethod
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
-        """Yield the difference after each of ten substeps, none of which is a small step."""
-        phi0, rate0, k2, torque, h, n = 1.2, 0.7, 0.5, 0.3, 0.1, 10
+        """Yield the difference after each of ten substeps, none of which is a small step, and that of the outputs."""
+        phi0, rate0, k2, drive, h, n = 1.2, 0.7, 0.5, 0.3, 0.1, 10
+        m, L = 2.0, 0.25  # powers of two: they cost no rounding
+        J, gamma, g = m * L * L, k2 * m, W02 * L
         start = {
-            "gamma": k2,
+            "m": m,
+            "L": L,
+            "gamma": gamma,
+            "g": g,
             "phi_start": phi0,
             "w_start": rate0,
             "solver.method": self.method,
             "solver.stepSize": h,
         }
-        run = fmu.run(Experiment(n * h, h, start, lambda _: torque, record=("phi", "w")))
-        exact = discrete.motion(self.method.name, list(run.t), phi0, rate0, k2, W02, h, torque)
+        run = fmu.run(Experiment(n * h, h, start, lambda _: drive * J, record=("phi", "w", "a", "E")))
+        exact = discrete.motion(self.method.name, list(run.t), phi0, rate0, k2, W02, h, drive)
         yield Check(
             f"{n} substeps of {self.method.name} with drag and torque, h*w0 = {h * W0:.2g}",
             state_error(run["phi"], run["w"], exact),
-            n * 4 * EPS * magnification(self.method),
-            "four roundings of a substep, magnified by the coefficients with which stages enter the last one",
+            n * 7 * UNIT * magnification(self.method),
+            "four roundings of a substep of the FMU, three here, magnified by the coefficients with which stages enter "
+            "the last one",
             "rad",
         )
+        phi, w = run["phi"], run["w"]
+        torques = np.array(
+            (np.append(0.0, np.full(n, drive * J)), -gamma * L * L * w, -m * g * L * np.sin(phi))
+        )
+        energies = np.array((J / 2 * w**2, 2 * m * g * L * np.sin(phi / 2) ** 2))
+        yield Check(
+            f"a and E after substeps of {self.method.name}",
+            largest(
+                np.max(np.abs(output - terms.sum(axis=0)) / np.abs(terms).sum(axis=0))
+                for output, terms in ((J * run["a"], torques), (run["E"], energies))
+            ),
+            7 * UNIT,
+            "J*a = tau - gamma*L^2*w - m*g*L*sin(phi), tau set after the start, E = J*w^2/2 + 2*m*g*L*sin(phi/2)^2, "
+            "relative to their terms; four roundings of the FMU, three here",
+        )
+
+
+def _evaluations(fmu: Fmu) -> Iterator[Result]:
+    """Count the evaluations of ten substeps without gravity, where the equation of an implicit stage needs but one."""
+    h, n = 0.1, 10
+    wrong = []
+    for method in SolverMethod:
+        start = {"g": 0.0, "w_start": 1.0, "solver.method": method, "solver.stepSize": h}
+        nfev = fmu.run(Experiment(n * h, n * h, start, record=())).nfev
+        tableau = METHODS[method.name].tableau
+        if tableau is None:
+            expected = METHODS[method.name].order * n
+        elif METHODS[method.name].stable:  # an explicit first stage is the last one of the substep before
+            explicit = sum(not row for row in tableau.A)
+            expected = (len(tableau.A) - explicit) * n + explicit
+        else:
+            expected = len(tableau.A) * n
+        wrong.append(abs(nfev - expected))
+    yield Check(
+        f"evaluations of all methods in {n} substeps without gravity",
+        largest(wrong),
+        0,
+        "one a stage, but for the first one of ImplicitTrapezoid and TRBDF2, which the substep before has made; 16 of "
+        "TaylorSeries: a count",
+    )
 
 
 def magnification(method: SolverMethod) -> float:
@@ -87,8 +135,8 @@ class OrderScene(Scene):
         yield Check(
             f"order of {self.method.name}",
             abs(observed_order(*errors) - order),
-            2 * W0 * end / n,
-            f"{order}; the next term of the error is a relative h*w0 = {W0 * end / n:.2g} with a factor near 1",
+            NEXT * W0 * end / n,
+            f"{order}; {NEXT:g} x h*w0 = {W0 * end / n:.2g}, the next term of the error relative to the first",
         )
 
 
@@ -128,7 +176,7 @@ def _radius(fmu: Fmu) -> Iterator[Result]:
         radius = radius_of_convergence(amplitude)
         errors = [largest(_step_errors(fmu, amplitude, x * radius)) for x in shares]
         curves.append(Curve(f"{angle} deg, radius {radius:.3g} s", shares, errors, marker="o"))
-        bounds = [SAFETY * truncation(x, radius, order) + 16 * EPS * pi for x in shares]
+        bounds = [SAFETY * truncation(x, radius, order) + 16 * UNIT * pi for x in shares]
         yield Check(
             f"Taylor step from all phases of a swing from {angle} deg, h up to 0.6 of the radius of convergence",
             largest(error / bound for error, bound in zip(errors, bounds, strict=True)),
@@ -162,13 +210,17 @@ def _step_errors(fmu: Fmu, amplitude: float, h: float) -> Iterator[float]:
 
 @dataclass(frozen=True)
 class DriftScene(Scene):
-    """Energy drift per period of large undamped swings; `h` [s] is rounded so that it divides the period."""
+    """Energy drift per period of large undamped swings; `h` [s] is rounded so that it divides the period.
+
+    `next_term` is the next term relative to the first as a function of z = h*w0, and `what` says what it is.
+    """
 
     TITLE = "energy drift of {0.method.name}"
 
     method: SolverMethod
     h: float
     next_term: Callable[[float], float]
+    what: str
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield the rows."""
@@ -186,7 +238,7 @@ class DriftScene(Scene):
                 f"energy drift per period of {self.method.name} at {angle} deg",
                 abs((energy[-1] - energy[0]) / predicted - 1),
                 self.next_term(h * W0),
-                f"{predicted / energy[0]:.4e} of E in theory; the next term bounds it, h*w0 = {h * W0:.3g}",
+                f"{predicted / energy[0]:.4e} of E in theory; relative to it {self.what}, z = h*w0 = {h * W0:.3g}",
             )
 
 
@@ -254,21 +306,30 @@ def _energy_of_the_trapezoid(fmu: Fmu) -> Iterator[Result]:
     T = references.period(amplitude, W02)
     h = T / n
     start = swing(amplitude, h, SolverMethod.ImplicitTrapezoid)
-    run = fmu.run(Experiment(periods * T, T / 20, start, record=("E",)))
+    samples = n // 2  # of a period: communication steps of two substeps
+    ten = np.arange(10 * samples + 1) * T / samples
+    run = fmu.run(Experiment(0, 0, start, record=("E",), points=[*ten, *((periods - 10) * T + ten)]))
     deviation = np.abs(run["E"] - run["E"][0])
     # The modified equation conserves E + h^2/12*D, D = w02*w^2*cos(phi) + w02^2*sin(phi)^2 per m*L^2.
-    orbit = references.libration(np.arange(400) * T / 400, amplitude, W02)
-    D = W02 * orbit[1] ** 2 * np.cos(orbit[0]) + W02**2 * np.sin(orbit[0]) ** 2
-    predicted = h * h / 12 * float(np.max(np.abs(D - D[0])))
+    orbit = references.libration(np.arange(4 * n + 1) * T / (4 * n), amplitude, W02)
+    D = np.abs(_shadow(*orbit) - _shadow(amplitude, 0.0))
+    largest_D = largest(D)  # in the lowest point, which a sample passes at half of their distance at most
+    missed = 1 - float(D[n + 4 * n // samples // 2]) / largest_D
+    predicted = h * h / 12 * largest_D
     z2 = (h * W0) ** 2
-    for name, part in (("first", deviation[: 20 * 10]), ("last", deviation[-20 * 10 :])):
+    for name, part in (("first", deviation[: len(ten)]), ("last", deviation[-len(ten) :])):
         yield Check(
             f"energy of ImplicitTrapezoid from 90 deg, largest deviation in the {name} ten of {periods} periods",
             abs(largest(part) / predicted - 1),
-            2 * z2 + 0.05,
-            f"{predicted / run['E'][0]:.3e} of E: E + h^2/12*D is conserved; the next term is (h*w0)^2, and 20 points "
-            "a period miss the largest by up to 5 percent",
+            NEXT * z2 + missed,
+            f"{predicted / run['E'][0]:.3e} of E: E + h^2/12*D is conserved; {NEXT:g} x (h*w0)^2, the next term, and "
+            f"{samples} points a period miss the largest D by up to {missed:.2g} of it",
         )
+
+
+def _shadow(phi: Array | float, w: Array | float) -> Array:
+    """Return D [1/s4] of the energy per m*L^2, E + h^2/12*D, that ImplicitTrapezoid conserves."""
+    return np.asarray(W02 * w**2 * np.cos(phi) + W02**2 * np.sin(phi) ** 2)
 
 
 # What Crawford calls impossible
@@ -284,7 +345,7 @@ def _gear(fmu: Fmu) -> Iterator[Result]:
             f"order of TRBDF2 on the nonlinear equation, h = {h:g} and {h / 2:g} s",
             abs(observed_order(coarse, fine) - 2),
             (h * W0) ** 2,
-            "2; the next term of the error is a relative (h*w0)^2",
+            "2; a relative (h*w0)^2: the h^3 term of the error, a loss of energy, is at right angles to the h^2 one",
         )
     yield Table(
         "Gear's second-order formula on the nonlinear equation, 30 deg, 1 s",
@@ -310,38 +371,45 @@ class StiffScene(Scene):
         """Yield the order and the error of the finer run."""
         k2, end, amplitude = 1e6, 1e5, pi / 2
         exact, _ = references.overdamped_fall(end, amplitude, k2, W02)
-        errors = []
-        for n in (self.steps, 2 * self.steps):
+        counts = (self.steps, 2 * self.steps)
+        ends, own = [], []
+        for n in counts:
             start = {"gamma": k2, "phi_start": amplitude}
             start |= {"solver.method": self.method, "solver.stepSize": end / n}
-            phi = fmu.run(Experiment(end, end, start))["phi"][-1]
-            errors.append(abs(float(phi - exact)))
+            ends.append(float(fmu.run(Experiment(end, end, start))["phi"][-1]))
+            own.append(
+                float(discrete.motion(self.method.name, [0.0, end], amplitude, 0.0, k2, W02, end / n)[0][-1])
+            )
+        errors = [abs(phi - float(exact)) for phi in ends]
         order = METHODS[self.method.name].order
         x = W02 / k2 * end / self.steps  # the substep in times of the slow fall
-        linear = abs(METHODS[self.method.name].stability(-x / 2) - exp(-x / 2)) * 2 * self.steps
         yield Check(
             f"order of {self.method.name} at gamma/m = 1e6/s, {self.steps} and {2 * self.steps} steps in 1e5 s",
             abs(observed_order(*errors) - order),
-            2 * x,
-            f"{order}: L-stable, so that the fast decay does not show; the next term is a relative h*w02/k2 = {x:.2g}",
+            NEXT * x,
+            f"{order}: L-stable, so that the fast decay does not show; {NEXT:g} x h*w02/k2 = {x:.2g}, the next term",
         )
         yield Check(
-            f"error of {self.method.name} at gamma/m = 1e6/s with {2 * self.steps} steps in 1e5 s",
-            errors[1],
-            3 * linear,
-            f"3 x the error of the linear fall, n*|R(-x) - exp(-x)| with x = h*w02/k2 = {x / 2:.2g}",
+            f"{self.method.name} at gamma/m = 1e6/s, {' and '.join(map(str, counts))} steps in 1e5 s: distance from "
+            "its discrete motion",
+            largest(abs(phi - there) for phi, there in zip(ends, own, strict=True)),
+            amplitude * (walk(counts[-1]) * magnification(self.method) + 7 * UNIT),
+            f"errors {errors[0]:.2e} and {errors[1]:.2e} rad; {SIGMAS:g} sigma of rounding, magnified as in a substep",
             "rad",
         )
 
 
+COMPOUNDED = "half of the 2*pi*z by which a small swing grows in the period, which compounds"
+
 SCENES = (
     *(SubstepScene(method) for method in SolverMethod),
+    Case("evaluations", _evaluations),
     *(OrderScene(method) for method in RUNGE_KUTTA),
     Case("radius of convergence", _radius),
-    DriftScene(SolverMethod.ExplicitEuler, 1e-4, lambda z: pi * z),
-    DriftScene(SolverMethod.ImplicitEuler, 1e-4, lambda z: pi * z),
-    DriftScene(SolverMethod.ExplicitMidPoint2, 5e-3, lambda z: z * z),
-    DriftScene(SolverMethod.ExplicitRungeKutta4, 0.02, lambda z: z * z),
+    DriftScene(SolverMethod.ExplicitEuler, 1e-4, lambda z: pi * z, COMPOUNDED),
+    DriftScene(SolverMethod.ImplicitEuler, 1e-4, lambda z: pi * z, COMPOUNDED),
+    DriftScene(SolverMethod.ExplicitMidPoint2, 5e-3, lambda z: z * z, "z^2, the next term"),
+    DriftScene(SolverMethod.ExplicitRungeKutta4, 0.02, lambda z: z * z, "z^2, the next term"),
     Case("orbits and energies", _orbits),
     Case("energy of ImplicitTrapezoid", _energy_of_the_trapezoid),
     Case("Gear's formula", _gear),

@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache, partial
-from math import factorial, hypot, log, nan, pi, sqrt
+from math import factorial, floor, hypot, log, log10, nan, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import Check, Curve, Note, Plot, Result, Table, formula
 from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
-from ..metrics import Array, largest
+from ..metrics import NEXT, SAFETY, UNIT, Array, largest
 from ..references.methods import METHODS, linear_radius
 from .scene import Case, Scene
 
@@ -63,15 +63,18 @@ UNDAMPED_LIMITS = (  # h*w0 = y > 0 with |R(iy)| = 1
     (SolverMethod.ExplicitRungeKutta4, "2.82842712474619010", "2*sqrt(2)"),
     (SolverMethod.TaylorSeries, "3.32481311853851442", "by mpmath, R of degree 16"),
 )
-ASYMPTOTIC = (  # |R(z)| where the drag is so strong that a step is far beyond the time of its decay
-    (SolverMethod.ImplicitEuler, 0.0),
-    (SolverMethod.ImplicitTrapezoid, 1.0),
-    (SolverMethod.TRBDF2, 0.0),
-    (SolverMethod.SDIRK4, 0.0),
+# a and b of R(z) = a - b/z + ... where the drag is so strong that a step is far beyond the time of its decay
+ASYMPTOTIC = (
+    (SolverMethod.ImplicitEuler, 0.0, 1.0),
+    (SolverMethod.ImplicitTrapezoid, -1.0, 4.0),
+    (SolverMethod.TRBDF2, 0.0, -2 - 2 * sqrt(2)),
+    (SolverMethod.SDIRK4, 0.0, 28 / 3),
 )
 UNLIMITED = tuple(method for method in SolverMethod if METHODS[method.name].stable)
-RESOLUTION = 1e-10  # relative, of a bisection
-EPS = 2.0**-52  # the spacing of doubles at 1
+RESOLUTION = 2.5e-11  # relative, of a bisection
+MAP = (
+    16 * UNIT
+)  # rounding of a small map: some ten of a substep, those of the start, the quotient and the eigenvalue
 WARNED = re.compile(r"stability limit of \w+ for this pendulum is ([-+.\de]+) s")
 
 
@@ -94,9 +97,7 @@ class LimitScene(Scene):
             measured = largest_stable_step(partial(measured_radius, fmu, self.method, k2), k2)
             theory = largest_stable_step(partial(linear_radius, method, k2, W02), k2)
             warned = _warned_limit(fmu, self.method, k2)
-            # The radius is known to some roundings of the map, which the flatness of |R| about 1 multiplies.
-            above, below = (linear_radius(method, k2, W02, limit * (1 + x)) for x in (1e-4, -1e-4))
-            flat = 8 * EPS / ((above - below) / 2e-4)
+            flat = _flatness(partial(linear_radius, method, k2, W02), limit)
             uncertain = RESOLUTION + flat + _last_digit(digits) / limit
             reason = f"{digits} s in 40 digits, to its last digit; bisected to {RESOLUTION:g}, rounding of R {flat:.1e}"
             yield Check(name, abs(measured / limit - 1), uncertain, reason)
@@ -104,8 +105,8 @@ class LimitScene(Scene):
             yield Check(
                 f"{name}: in the warning",
                 abs(warned / limit - 1),
-                0.5e-5,
-                f"{digits} s; the message has six digits",
+                (0.5 * 10.0 ** (floor(log10(limit)) - 5) + _last_digit(digits)) / limit,
+                f"{digits} s; the message has six digits: half a unit of the last one",
             )
             rows.append((f"{k2:g}", f"{measured:.10g}", f"{warned:.6g}", f"{theory:.10g}"))
         if self.method is SolverMethod.ExplicitRungeKutta4:
@@ -125,6 +126,12 @@ class LimitScene(Scene):
 
 def _last_digit(digits: str) -> float:
     return float(Decimal(1).scaleb(int(Decimal(digits).as_tuple().exponent)))
+
+
+def _flatness(radius: Callable[[float], float], limit: float) -> float:
+    """Return how far, relative to a `limit` [s] of the step, the roundings of a map move where its radius passes 1."""
+    above, below = (radius(limit * (1 + x)) for x in (1e-4, -1e-4))
+    return MAP / ((above - below) / 2e-4)
 
 
 def _warned_limit(fmu: Fmu, method: SolverMethod, k2: float) -> float:
@@ -169,7 +176,7 @@ class MapScene(Scene):
             "h [s]",
             [
                 Curve("|R(h*lambda)| = 1", fine, boundary),
-                Curve("limit in the FMU's warning", damping_rates, warned, "", "."),
+                Curve("limit in the FMU's warning", damping_rates, warned, "", "o"),
             ],
             "xy",
             note="Grey: steps that the FMU was seen to make unstable, each from two small motions; a cell is judged "
@@ -181,13 +188,16 @@ class MapScene(Scene):
 
 @dataclass(frozen=True)
 class GrowthScene(Scene):
-    """Growth and frequency shift per period without damping: R(i*z), and its leading terms (factor, exponent) in z."""
+    """Growth and frequency shift per period without damping: R(i*z), and its leading terms in z.
+
+    A term is a*z^p*(1 - c*z^2 + ...), given by a, p and c, from the series of ln R(i*z).
+    """
 
     TITLE = "growth per period of {0.method.name}"
 
     method: SolverMethod
-    growth: tuple[float, int]
-    shift: tuple[float, int]
+    growth: tuple[float, int, float]
+    shift: tuple[float, int, float]
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield both for three steps, against R and against the leading terms."""
@@ -197,7 +207,7 @@ class GrowthScene(Scene):
             measured = _per_period(one_step_map(fmu, self.method, 0.0, z / W0), z)
             expected = (2 * pi / phase(R) * log(abs(R)), phase(R) / z - 1)
             row = [z]
-            for i, (what, (factor, power)) in enumerate(
+            for i, (what, (factor, power, following)) in enumerate(
                 (("ln of the amplitude factor", self.growth), ("relative frequency shift", self.shift))
             ):
                 name = f"{what} per period, {self.method.name}, h*w0 = {z:g}"
@@ -205,15 +215,15 @@ class GrowthScene(Scene):
                 yield Check(
                     name,
                     abs(measured[i] - expected[i]),
-                    8 * EPS * 2 * pi / z,
+                    MAP * 2 * pi / z,
                     f"{expected[i]:.6e} from R(i*z); roundings of the map, of which a period has 2*pi/z steps; where "
                     "both round alike, nothing is left",
                 )
                 yield formula(
                     f"{name}: leading term",
                     abs(expected[i] / leading - 1),
-                    2 * z * z,
-                    f"{leading:.4e}; the next term is a relative z^2 with a factor below 2",
+                    SAFETY * following * z * z,
+                    f"{leading:.4e}; {SAFETY} x the next term, relative to it -{following:.4g}*z^2",
                 )
                 row += [measured[i], expected[i], leading]
             rows.append(tuple(row))
@@ -278,7 +288,7 @@ def largest_stable_step(radius: Callable[[float], float], k2: float) -> float:
         stable, unstable = unstable, 1.5 * unstable
         if unstable * max(W0, k2) > 1e3:
             return nan
-    while unstable - stable > RESOLUTION / 4 * stable:
+    while unstable - stable > RESOLUTION * stable:
         middle = (stable + unstable) / 2
         if radius(middle) <= 1:
             stable = middle
@@ -303,10 +313,9 @@ class RadiusScene(Scene):
         known = METHODS[self.method.name]
         reach = 5.0
         if known.tableau is not None and known.stable:
-            reach = (
-                0.9 / known.tableau.A[-1][-1]
-            )  # longer substeps are divided: a stage must have a single root
-        weight = sum(abs(b) for b in known.tableau.b) if known.tableau else reach**5 / factorial(5)
+            # Longer substeps are divided: a stage must have a single root.
+            reach = 0.9 / known.tableau.A[-1][-1]
+        weight = known.tableau.weight if known.tableau else _largest_term(reach)
         differences = []
         for k2 in (0.0, *DAMPING_RATES):
             parted = min(1.0, sqrt(abs(k2 * k2 / 4 - W02)) / max(W0, k2))  # how far the eigenvalues are
@@ -318,22 +327,30 @@ class RadiusScene(Scene):
         yield Check(
             f"spectral radius of a step of {self.method.name}, {len(differences)} steps and damping rates",
             largest(differences),
-            16 * EPS * weight,
+            MAP * weight,
             "|R(h*lambda)|; sixteen roundings of the map, times the sum of abs(b) or the largest term of the series; "
             "differences are times that of the eigenvalues, which magnifies them",
         )
+
+
+def _largest_term(z: float) -> float:
+    """Return the largest term z^n/n! of exp(z)."""
+    return z ** floor(z) / factorial(floor(z))
 
 
 def _undamped_limits(fmu: Fmu) -> Iterator[Result]:
     """Show that single steps without drag begin to grow where R(i*h*w0) leaves the unit circle."""
     for method, digits, where in UNDAMPED_LIMITS:
         limit = float(digits) / W0
-        inside, beyond = (measured_radius(fmu, method, 0.0, limit * (1 + x)) for x in (-1e-3, 1e-3))
+        flat = _flatness(partial(linear_radius, METHODS[method.name], 0.0, W02), limit)
+        near = 2 * _largest_term(float(digits)) * flat
+        inside, beyond = (measured_radius(fmu, method, 0.0, limit * (1 + x)) for x in (-near, near))
         yield Check(
             f"largest stable step of {method.name} without drag",
-            float(inside <= 1 + 4 * EPS) + float(beyond > 1 + 4 * EPS),
+            float(inside <= 1) + float(beyond > 1),
             2,
-            f"h*w0 = {digits}, {where}; a relative 1e-3 below it a step does not grow, above it it does",
+            f"h*w0 = {digits}, {where}; a relative {near:.1e} below it, twice what rounding of R is worth, a step does "
+            "not grow, as much above it it does",
             at_least=True,
         )
 
@@ -341,15 +358,18 @@ def _undamped_limits(fmu: Fmu) -> Iterator[Result]:
 def _at_infinity(fmu: Fmu) -> Iterator[Result]:
     """Show what is left of a fast decay after one step far longer than it."""
     k2, h = 1e9, 1.0
-    for method, expected in ASYMPTOTIC:
+    for method, limit, slope in ASYMPTOTIC:
         start = {"gamma": k2, "phi_start": 0.0, "w_start": 1.0, "g": 0.0}
         start |= {"solver.method": method, "solver.stepSize": h}
         rate = float(fmu.run(Experiment(h, h, start, record=("w",)))["w"][-1])
+        tableau = METHODS[method.name].tableau
+        assert tableau is not None
         yield Check(
             f"{method.name} after a step of 1e9 decay times",
-            abs(abs(rate) - expected),
-            20 / (k2 * h),
-            f"|R(-inf)| = {expected:g}, reached to within |R(z)| - |R(-inf)| = O(1/|z|), z = -1e9",
+            abs(rate - limit - slope / (k2 * h)),
+            MAP * tableau.weight + NEXT * (slope / (k2 * h)) ** 2,
+            f"R(z) = {limit:g} {-slope:+.5g}/z for z = -1e9; sixteen roundings of the map, times the sum of abs(b), "
+            f"and {NEXT:g} x the square of the last term, the next one",
         )
 
 
@@ -398,8 +418,8 @@ SCENES = (
     Case("fast decay", _at_infinity),
     Case("stability regions", _regions),
     *(MapScene(method) for method in LIMITS),
-    GrowthScene(SolverMethod.ExplicitEuler, (pi, 1), (-1 / 3, 2)),
-    GrowthScene(SolverMethod.ImplicitEuler, (-pi, 1), (-1 / 3, 2)),
-    GrowthScene(SolverMethod.ExplicitMidPoint2, (pi / 4, 3), (1 / 6, 2)),
-    GrowthScene(SolverMethod.ExplicitRungeKutta4, (-pi / 72, 5), (-1 / 120, 4)),
+    GrowthScene(SolverMethod.ExplicitEuler, (pi, 1, 1 / 6), (-1 / 3, 2, 3 / 5)),
+    GrowthScene(SolverMethod.ImplicitEuler, (-pi, 1, 1 / 6), (-1 / 3, 2, 3 / 5)),
+    GrowthScene(SolverMethod.ExplicitMidPoint2, (pi / 4, 3, 1 / 6), (1 / 6, 2, 3 / 10)),
+    GrowthScene(SolverMethod.ExplicitRungeKutta4, (-pi / 72, 5, 1 / 8), (-1 / 120, 4, 5 / 14)),
 )
