@@ -85,7 +85,10 @@ def _parser() -> Parser:
     )
     parser.add_argument("--stop-time", type=float, metavar="S", help="end of the runs (default: the FMU's)")
     parser.add_argument(
-        "--output-interval", type=float, metavar="S", help="communication step (default: the FMU's)"
+        "--output-interval",
+        type=float,
+        metavar="S",
+        help="communication step, which no substep exceeds (default: the FMU's)",
     )
     parser.add_argument(
         "--record",
