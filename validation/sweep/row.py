@@ -66,12 +66,13 @@ def run(fmu: Fmu, common: Common, values: Values) -> tuple[Row, Trajectory | Non
     An instance that failed is not used again.
 
     Outputs are those at the end, `error` [rad] is the distance of (phi, w/w0) from the exact answer there, and
-    `seconds` the time of the processor for the steps. What there is none of is None, or "".
+    `seconds` the time of the processor for the steps. What there is none of is None.
     """
     done = fmu.run(experiment(common, values))
     row = empty(common, values)
     row["solver.nfev"], row["seconds"] = done.nfev, done.seconds
-    row["warnings"], row["failure"] = "; ".join(done.warnings), WRAPPER.sub("", done.failure)
+    row["warnings"] = "; ".join(done.warnings) or None
+    row["failure"] = WRAPPER.sub("", done.failure) or None
     end = {name: float(done[name][-1]) for name in OUTPUTS}
     if all(isfinite(value) for value in end.values()):
         row |= end
@@ -90,7 +91,7 @@ def run(fmu: Fmu, common: Common, values: Values) -> tuple[Row, Trajectory | Non
 
 def empty(common: Common, values: Values) -> Row:
     """Return the row of a run of which only the parameters are known."""
-    row: Row = {name: "" if kind is str else None for name, kind in columns(common).items()}
+    row: Row = dict.fromkeys(columns(common))
     variables = common.interface.variables
     row |= {name: variables[name].shown(value) for name, value in common.parameters(values).items()}
     row |= {"stop_time": common.stop, "output_interval": common.interval}
