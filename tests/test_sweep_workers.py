@@ -229,8 +229,15 @@ def test_a_run_that_ends_its_process_is_a_row(deadly: Path) -> None:
     assert failures == {0.25: "the process of the worker ended while the run was under way"}
 
 
+# Control-C at a terminal, and the end of a batch job, reach all processes.
+each_end = pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no process groups")
-def test_control_c_leaves_a_whole_file_and_no_noise(native_path: Path, tmp_path: Path) -> None:
+@each_end
+def test_an_interrupt_leaves_a_whole_file_and_no_noise(
+    native_path: Path, tmp_path: Path, end: signal.Signals
+) -> None:
     output = tmp_path / "rows.parquet"
     options = (
         "phi_start=10:170:100000:deg",
@@ -256,7 +263,7 @@ def test_control_c_leaves_a_whole_file_and_no_noise(native_path: Path, tmp_path:
     parts = output.with_name("rows.parquet.parts")
     try:
         until(parts.exists, started)
-        os.killpg(started.pid, signal.SIGINT)  # as a terminal does
+        os.killpg(started.pid, end)
         said, complained = started.communicate()
     finally:
         started.kill()
@@ -274,7 +281,7 @@ from validation.sweep.__main__ import main
 start = AsyncProcess.start
 async def signalled(self):
     await start(self)
-    os.killpg(0, signal.SIGINT)
+    os.killpg(0, {end})
 AsyncProcess.start = signalled
 if __name__ == "__main__":
     sys.exit(main())
@@ -282,9 +289,12 @@ if __name__ == "__main__":
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no process groups")
-def test_control_c_while_workers_start_is_one_line(native_path: Path, tmp_path: Path) -> None:
+@each_end
+def test_an_interrupt_while_workers_start_is_one_line(
+    native_path: Path, tmp_path: Path, end: signal.Signals
+) -> None:
     script = tmp_path / "signalled.py"
-    script.write_text(SIGNALLED, "utf-8")
+    script.write_text(SIGNALLED.format(end=int(end)), "utf-8")
     done = subprocess.run(
         [sys.executable, "-W", "error", script, "m=1,2", "--fmu", native_path, "--jobs", "1"],
         cwd=tmp_path,

@@ -221,8 +221,8 @@ class Interrupts:
             yield
         finally:
             self._held = False
-        if self._waiting:
-            self._arrived()
+            if self._waiting:
+                self._arrived()
 
     def ignore(self) -> None:
         """Hear no more of them."""

@@ -141,6 +141,8 @@ def local(jobs: int, starting: AbstractContextManager[None] | None = None) -> It
     with ExitStack() as stack:
         # The nanny of a worker starts it anew; the cluster would close both if that took more than 15 s.
         stack.enter_context(dask.config.set({"distributed.deploy.lost-worker-timeout": "1000 days"}))
+        # Closed while workers run, the cluster leaves calls behind that nobody waits for.
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)
         with starting or nullcontext(), deaf():
             try:
                 cluster = stack.enter_context(
