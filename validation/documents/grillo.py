@@ -144,8 +144,10 @@ def _time_of_printed_peak(_: Fmu) -> float:
 
 
 def _bode_plot() -> Plot:
-    w = np.geomspace(0.1, 30, 400)
-    systems = (("as printed, [-1, 1j*K2, W02]", PRINTED_SYSTEM, "--"), ("right, [1, K2, W02]", SYSTEM, "-"))
+    w = np.unique(
+        np.concatenate((np.geomspace(0.1, 30, 400), W0 + np.linspace(-20, 20, 201) * K2))
+    )  # the peak, too
+    systems = (("right, [1, K2, W02]", SYSTEM, "-"), ("as printed, [-1, 1j*K2, W02]", PRINTED_SYSTEM, "--"))
     responses = [
         (label, signal.bode(signal.TransferFunction([1], system), w=w), line)
         for label, system, line in systems
@@ -169,9 +171,9 @@ def _gaussian_plot() -> Plot:
         "t [s]",
         "phi [rad]",
         [
-            Curve("causal closed form", t.tolist(), _exact_pulse(t).tolist()),
-            Curve("as printed", t.tolist(), printed_pulse(t).tolist(), "--"),
-            Curve("drive/w02", t.tolist(), (AREA * np.exp(-t * t / 2) / W02).tolist(), ":"),
+            Curve("exact, causal", t, _exact_pulse(t)),
+            Curve("as printed", t, printed_pulse(t), "--"),
+            Curve("drive/w02", t, AREA * np.exp(-t * t / 2) / W02, ":"),
         ],
         note="The printed response is too small by a factor of seven and gone after the pulse; the right one follows "
         "the drive and then rings.",

@@ -14,7 +14,7 @@ from ..checks import About, Check, Curve, Maps, Plot
 from .section import Section
 
 INK = "#010203"  # of axes and text; in a page it is the colour of the text around the picture
-COLOURS = (INK, "#8a8a8a", "#b8862b", "#7a4ea3", "#5f9e33", "#d0552b", "#2a9a9a", "#3c78b4")
+COLOURS = (INK, "#b8862b", "#8a8a8a", "#7a4ea3", "#5f9e33", "#d0552b", "#2a9a9a", "#3c78b4")
 # A solver has its colour in all pictures; the names are parts of the labels of curves, of which the first in this
 # order counts. A rival has that of the method that it is most like.
 SOLVERS = {
@@ -116,7 +116,12 @@ def _plot(plot: Plot) -> Any:
     if plot.y_range is not None:
         upper.set_ylim(*plot.y_range)
     if plot.below:
-        _curves(lower, plot.below, plot.logarithmic.replace("y", "") + plot.below_logarithmic)
+        told = {curve.label for curve in plot.below} <= {
+            curve.label for curve in plot.curves
+        }  # by the upper legend
+        _curves(
+            lower, plot.below, plot.logarithmic.replace("y", "") + plot.below_logarithmic, legend=not told
+        )
         lower.set_ylabel(plot.below_label)
     lower.set_xlabel(plot.x_label)
     return figure
@@ -166,7 +171,7 @@ def _cells(axis: Any, values: NDArray[np.float64], span: tuple[float, float]) ->
     )
 
 
-def _curves(axes: Any, curves: Sequence[Curve], logarithmic: str) -> None:
+def _curves(axes: Any, curves: Sequence[Curve], logarithmic: str, legend: bool = True) -> None:
     colours: dict[str, str] = {}
     for i, curve in enumerate(curves):
         colours[curve.label] = colours[curve.like] if curve.like else _colour(curve.label, i)
@@ -183,7 +188,7 @@ def _curves(axes: Any, curves: Sequence[Curve], logarithmic: str) -> None:
         )
     for axis in logarithmic:
         getattr(axes, f"set_{axis}scale")("log")
-    if any(curve.label for curve in curves):
+    if legend and any(curve.label for curve in curves):
         axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0))
     axes.grid(True)
 

@@ -177,7 +177,7 @@ def _difficulty(_: Fmu) -> Iterator[Result]:
         "Relative errors of (14) with 32 intervals or points",
         ("alpha [deg]", *RULES),
         rows,
-        "Section 1 calls simple rules very difficult. They are not, but close to 180 deg.",
+        "Section 1 calls simple rules very difficult. They are so close to 180 deg only.",
     )
     half = sin(radians(90) / 2) ** 2
     exact = references.period(radians(90), 1.0) / 4
@@ -488,10 +488,7 @@ def _picture(
 ) -> Plot:
     shown = t <= 10 + scene.step / 2
     ends = ", ".join(f"{end:g}" for end, _ in scene.numbers)
-    errors, ratios, energies = (
-        ", ".join(f"{factor * (x + more):.4g}" for x in column)
-        for column, factor, more in zip(zip(*measured, strict=True), (180 / pi, 1, 1), (0, 0, 1), strict=True)
-    )
+    errors, ratios, changes = (np.array(column) for column in zip(*measured, strict=True))
     computed = Curve(
         "formula (28)" if scene.method is None else f"FMU, {scene.method.name}",
         t[shown],
@@ -505,10 +502,15 @@ def _picture(
         "t [s]",
         "phi [deg]",
         [Curve("exact", times, np.degrees(smooth)), computed],
-        note=f"At {ends} s: largest error {errors} deg; amplitude {ratios} and energy {energies} of what they were.",
+        note=f"At {ends} s: largest error {_list(np.degrees(errors), '.4g')} deg; the amplitude has changed by "
+        f"{_list(100 * (ratios - 1), '+.3g')} %, the energy by {_list(100 * changes, '+.3g')} %.",
         below=[Curve("error", t[shown], np.degrees((phi - exact)[shown]))],
         below_label="error [deg]",
     )
+
+
+def _list(values: Array, form: str) -> str:
+    return ", ".join(f"{value:{form}}" for value in values)
 
 
 def _figures() -> Iterator[FigureScene]:

@@ -130,7 +130,7 @@ class FreeScene(Scene):
                 Curve("exact", run.t[shown], exact[0][shown]),
             ],
             note="c1*exp((-k2 + i*sqrt(nabla))*t/2) + c2*exp((-k2 - i*sqrt(nabla))*t/2), the roots corrected, from "
-            "an initial angle and rate. Below: distance of the states.",
+            f"an initial angle and rate{', the first 20 s' if self.stop > 20 else ''}. Below: distance of the states.",
             below=[Curve("FMU less exact", run.t[shown][1:], error[shown][1:] / peak)],
             below_label="relative to the peak",
             below_logarithmic="y",
@@ -150,9 +150,21 @@ class DocumentScene(Scene):
         def pulse(t: float) -> float:
             return SMALL * area * exp(-((t + H / 2) ** 2) / 2)
 
-        for begin, name, stop, expected in (
-            (-9.0, "from minus infinity", 50.0, DOCUMENT_PULSE),
-            (0.0, "cut at its peak", 10.0, {1: CUT_PULSE_AT_1}),
+        for begin, name, stop, expected, what in (
+            (
+                -9.0,
+                "from minus infinity",
+                50.0,
+                DOCUMENT_PULSE,
+                "The plot of the document as it was meant: the angle follows the drive, then rings.",
+            ),
+            (
+                0.0,
+                "cut at its peak",
+                10.0,
+                {1: CUT_PULSE_AT_1},
+                "The same pulse upon a pendulum at rest at its peak: it rings twenty times as much.",
+            ),
         ):
             run = fmu.run(Experiment(stop, H, {"phi_start": 0.0}, torque=pulse, begin=begin))
             phi = run["phi"] / SMALL
@@ -183,11 +195,10 @@ class DocumentScene(Scene):
                 "phi [rad]",
                 [
                     Curve("FMU, RK4", run.t[shown][::20], phi[shown][::20], "", "."),
-                    Curve("causal closed form", run.t[shown], exact[shown]),
+                    Curve("exact, causal", run.t[shown], exact[shown]),
                     Curve("drive/w02", run.t[shown], drive[shown] / W02, ":"),
                 ],
-                note="The plot of the document, from -10 to 10 s, as it was meant: the angle follows the drive, then "
-                "rings. Below: the input is held from the middle of steps of 10 ms.",
+                note=f"{what} Below: what it costs to hold the input from the middle of steps of 10 ms.",
                 below=[Curve("FMU less exact", run.t[shown], phi[shown] - exact[shown])],
                 below_label="error [rad]",
             )
@@ -248,12 +259,12 @@ class GeneralScene(Scene):
             "phi [1e-9 rad]",
             [
                 Curve("FMU, RK4", run.t[::5], run["phi"][::5] / SMALL, "", "."),
-                Curve("free evolution + response", run.t, exact),
+                Curve("exact: free evolution + response", run.t, exact),
                 Curve("free evolution alone", run.t, free[0], "--"),
                 Curve("drive/w02", run.t, u / W02, ":"),
             ],
             note="An initial state and a pulse of the drive about 5 s: linear, so that the solutions add. Below: the "
-            "FMU.",
+            "error of the FMU.",
             below=[Curve("FMU less exact", run.t[1:], np.abs(run["phi"] / SMALL - exact)[1:] / peak)],
             below_label="|error|/peak",
             below_logarithmic="y",
@@ -362,7 +373,8 @@ def _bode(scene: FrequencyScene, measured: NDArray[np.complex128]) -> Iterator[P
             Curve("exact", fine, 20 * np.log10(np.abs(exact))),
         ],
         logarithmic="x",
-        note="The document's Bode plot as it was meant. Below: the phase, which falls through -90 deg at w0.",
+        note=f"{'The Bode plot of the document as it was meant' if scene.k2 == DOCUMENT_K2 else 'With strong drag'}. "
+        "Below: the phase, which falls through -90 deg at w0.",
         below=[
             Curve("FMU, RK4", w, np.degrees(np.angle(measured)), "", "o"),
             Curve("exact", fine, np.degrees(np.angle(exact))),

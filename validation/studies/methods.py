@@ -81,6 +81,31 @@ class SubstepScene(Scene):
         )
 
 
+def _evaluations(fmu: Fmu) -> Iterator[Result]:
+    """Count the evaluations of ten substeps without gravity, where the equation of an implicit stage needs but one."""
+    h, n = 0.1, 10
+    wrong = []
+    for method in SolverMethod:
+        start = {"g": 0.0, "w_start": 1.0, "solver.method": method, "solver.stepSize": h}
+        nfev = fmu.run(Experiment(n * h, n * h, start, record=())).nfev
+        tableau = METHODS[method.name].tableau
+        if tableau is None:
+            expected = METHODS[method.name].order * n
+        elif METHODS[method.name].stable:  # an explicit first stage is the last one of the substep before
+            explicit = sum(not row for row in tableau.A)
+            expected = (len(tableau.A) - explicit) * n + explicit
+        else:
+            expected = len(tableau.A) * n
+        wrong.append(abs(nfev - expected))
+    yield Check(
+        f"evaluations of all methods in {n} substeps without gravity",
+        largest(wrong),
+        0,
+        "one a stage, but for the first one of ImplicitTrapezoid and TRBDF2, which the substep before has made; 16 of "
+        "TaylorSeries: a count",
+    )
+
+
 def magnification(method: SolverMethod) -> float:
     """Return by how much roundings of stages can grow in a substep: sum |A_sj|/A_ss over the last row of A."""
     tableau = METHODS[method.name].tableau
@@ -378,6 +403,7 @@ COMPOUNDED = "half of the 2*pi*z by which a small swing grows in the period, whi
 
 SCENES = (
     *(SubstepScene(method) for method in SolverMethod),
+    Case("evaluations", _evaluations),
     *(OrderScene(method) for method in RUNGE_KUTTA),
     Case("radius of convergence", _radius),
     DriftScene(SolverMethod.ExplicitEuler, 1e-4, lambda z: pi * z, COMPOUNDED),

@@ -176,7 +176,7 @@ class MapScene(Scene):
             "h [s]",
             [
                 Curve("|R(h*lambda)| = 1", fine, boundary),
-                Curve("limit in the FMU's warning", damping_rates, warned, "", "."),
+                Curve("limit in the FMU's warning", damping_rates, warned, "", "o"),
             ],
             "xy",
             note="Grey: steps that the FMU was seen to make unstable, each from two small motions; a cell is judged "
