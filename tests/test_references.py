@@ -335,6 +335,22 @@ def test_the_response_to_a_cubic_is_a_cubic_and_the_free_evolution_from_it(k2):
         assert np.max(np.abs(ours - particular - rest)) <= 32 * EPS * size
 
 
+@pytest.mark.parametrize("k2", [0.0, 0.002, 2 * W0, 50.0])
+@pytest.mark.parametrize("n", [1, 50, 10_000])
+def test_rk4_of_a_free_motion_is_a_power_of_its_step(k2, n):
+    h = 1e-3
+    z = mp.mpf(h) * mp.matrix([[0, 1], [-mp.mpf(W02), -mp.mpf(k2)]])
+    one = mp.eye(2)
+    power = (one + z * (one + z * (one + z * (one + z / 4) / 3) / 2)) ** n
+    start = mp.matrix([1, -2])
+    found = references.rk4_evolution([0, n], *map(float, start), k2, W02, h)
+    assert [float(x[0]) for x in found] == list(start)
+    # Each doubling of the power adds some roundings of what it changes, and these double with it.
+    grown = 16 * EPS * max(abs(x) for x in (*power, *(power - one), 1)) * (1 + h * n * W0)
+    for ours, exact in zip(found, power * start, strict=True):
+        assert abs(mp.mpf(float(ours[1])) - exact) <= grown * W0
+
+
 def test_rk4_under_a_held_drive_is_its_discrete_motion_for_small_angles():
     u, H, h, small = [1.0, -2.0, 0.5], 0.3, 0.04, 1e-9
     for k2 in (0.002, 5.0):

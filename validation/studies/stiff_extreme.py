@@ -28,7 +28,7 @@ from ..references.methods import METHODS, rk4_lag
 from .scene import Case
 
 TITLE = "Stiff and extreme cases"
-FORMULA = "closed forms where they exist, Taylor series in 50 digits elsewhere"
+FORMULA = "closed forms where they exist, Taylor series in 50 digits elsewhere; RK4's own error by its discrete motion"
 
 RK4 = SolverMethod.ExplicitRungeKutta4.name
 EXPLICIT = (SolverMethod.ExplicitEuler, SolverMethod.ExplicitMidPoint2, SolverMethod.ExplicitRungeKutta4)
