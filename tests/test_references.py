@@ -335,6 +335,23 @@ def test_the_response_to_a_cubic_is_a_cubic_and_the_free_evolution_from_it(k2):
         assert np.max(np.abs(ours - particular - rest)) <= 32 * EPS * size
 
 
+@pytest.mark.parametrize("k2", [0.0, 0.002, 2 * W0, 50.0])
+@pytest.mark.parametrize("n", [1, 50, 10_000])
+def test_rk4_of_a_free_motion_is_a_power_of_its_step(k2, n):
+    h = 1e-3
+    z = mp.mpf(h) * mp.matrix([[0, 1], [-mp.mpf(W02), -mp.mpf(k2)]])
+    one = mp.eye(2)
+    power = (one + z * (one + z * (one + z * (one + z / 4) / 3) / 2)) ** n
+    start = mp.matrix([1, -2])
+    found = references.rk4_evolution([0, n], *map(float, start), k2, W02, h)
+    assert [float(x[0]) for x in found] == list(start)
+    # The change of a step has four roundings, and the motion carries them on like an error of the rate: without its own
+    # digits the change would lose one of 1 in each step.
+    bound = 4 * EPS * (1 + n * h * max(W0, k2))
+    for ours, exact, size in zip(found, power * start, (1, W0), strict=True):
+        assert abs(mp.mpf(float(ours[1])) - exact) <= bound * size
+
+
 def test_rk4_under_a_held_drive_is_its_discrete_motion_for_small_angles():
     u, H, h, small = [1.0, -2.0, 0.5], 0.3, 0.04, 1e-9
     for k2 in (0.002, 5.0):

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import ellipk
 
 from .. import references
-from ..fmu import W02, Experiment, Fmu, Run, SolverMethod, swing
+from ..fmu import RK4, W02, Experiment, Fmu, Run, SolverMethod, swing
 from ..metrics import NEXT, SMALL, UNIT, walk
 from .erratum import Document, Erratum, Measured, Number
 
@@ -21,11 +21,10 @@ FINE = 5e-4  # [s]: RK4 is then in error by less than 1e-11 rad within 10 s of a
 ENERGY = 2 * G81 * (1 - cos(ALPHA)) * sqrt(2) * walk(4 / FINE) + 4 * UNIT * G81
 
 
-def _swing(fmu: Fmu, stop: float, step: float = 0.05, **changes: float) -> Run:
-    start = swing(ALPHA, FINE) | {"g": G81}
-    start |= {
-        name.replace("_", ".", 1) if name.startswith("solver") else name: x for name, x in changes.items()
-    }
+def _swing(
+    fmu: Fmu, stop: float, step: float = 0.05, method: int = RK4, h: float = FINE, **changes: float
+) -> Run:
+    start = swing(ALPHA, h, method) | {"g": G81} | changes
     return fmu.run(Experiment(stop, step, start, record=("phi", "w", "E")))
 
 
@@ -112,7 +111,7 @@ def _bdf2(h: float, n: int) -> tuple[float, float]:
 
 def _swings(fmu: Fmu, method: SolverMethod, h: float) -> float:
     """Return the logarithm of the growth of the amplitude that a method makes in four swings."""
-    run = _swing(fmu, 10.0, 0.03, solver_method=method, solver_stepSize=h)
+    run = _swing(fmu, 10.0, 0.03, method=method, h=h)
     tops = np.flatnonzero((run["w"][:-1] > 0) & (run["w"][1:] <= 0))
     return log(2 * asin(sqrt(float(run["E"][tops[3]]) / (2 * G81))) / ALPHA) if len(tops) > 3 else nan
 
@@ -122,17 +121,31 @@ def _ratio_of_steps(fmu: Fmu, method: SolverMethod) -> float:
     return _swings(fmu, method, 0.006) / _swings(fmu, method, 0.003)
 
 
+def _growth_in_swings(method: SolverMethod, growth: str, ratio: str) -> tuple[Number, ...]:
+    """Return the numbers that show that the growth is truncation error."""
+    return (
+        Measured(
+            "logarithm of the growth in 4 swings, h = 6 ms", growth, partial(_swings, method=method, h=0.006)
+        ),
+        Measured(
+            "the same over that with h = 3 ms, rounding would not shrink with h",
+            ratio,
+            partial(_ratio_of_steps, method=method),
+        ),
+    )
+
+
 def _amplitude_ratio(fmu: Fmu) -> float:
     """Return the amplitude of RK2 with h = 75 ms after 133 steps, 9.975 s, over alpha."""
     stop = 133 * 0.075
-    run = _swing(fmu, stop, stop, solver_method=SolverMethod.ExplicitMidPoint2, solver_stepSize=0.075)
+    run = _swing(fmu, stop, stop, method=SolverMethod.ExplicitMidPoint2, h=0.075)
     return 2 * asin(sqrt(float(run["E"][-1]) / (2 * G81))) / ALPHA
 
 
 def _implicit_order(fmu: Fmu) -> float:
     errors = []
     for h in (0.00125, 0.000625):
-        run = _swing(fmu, 2.0, 0.05, solver_method=SolverMethod.ImplicitEuler, solver_stepSize=h)
+        run = _swing(fmu, 2.0, 0.05, method=SolverMethod.ImplicitEuler, h=h)
         errors.append(float(np.max(np.abs(run["phi"] - references.libration(run.t, ALPHA, G81)[0]))))
     return log(errors[0] / errors[1]) / log(2)
 
@@ -148,20 +161,18 @@ def _literal_30(fmu: Fmu) -> float:
 
 def _energy_gain(fmu: Fmu, method: int, h: float, stop: float = 10.0, g: float = W02) -> float:
     """Return the relative change of the energy of a swing from 30 deg until `stop` [s]."""
-    run = _swing(fmu, stop, stop, g=g, solver_method=method, solver_stepSize=h)
+    run = _swing(fmu, stop, stop, g=g, method=method, h=h)
     return float(run["E"][-1] / run["E"][0] - 1)
 
 
 def _escape(fmu: Fmu, stop: float) -> float:
     """Return the angle [rad] at `stop` [s] of RK2 with h = 200 ms."""
-    return float(
-        _swing(fmu, stop, 0.2, solver_method=SolverMethod.ExplicitMidPoint2, solver_stepSize=0.2)["phi"][-1]
-    )
+    return float(_swing(fmu, stop, 0.2, method=SolverMethod.ExplicitMidPoint2, h=0.2)["phi"][-1])
 
 
 def _rk4_error(fmu: Fmu) -> float:
     """Return the largest error over 10 s of RK4 with h = 200 ms, relative to alpha."""
-    run = _swing(fmu, 10.0, 0.2, solver_method=SolverMethod.ExplicitRungeKutta4, solver_stepSize=0.2)
+    run = _swing(fmu, 10.0, 0.2, method=SolverMethod.ExplicitRungeKutta4, h=0.2)
     return float(np.max(np.abs(run["phi"] - references.libration(run.t, ALPHA, G81)[0]))) / ALPHA
 
 
@@ -362,35 +373,13 @@ CRAWFORD = Document(
             "section 5.1",
             "due to numerical imprecision the amplitude slowly grows",
             "it is truncation error, a factor exp(pi*h*w0) a period for small swings: +74 % energy in 10 s",
-            (
-                Measured(
-                    "logarithm of the growth in 4 swings, h = 6 ms",
-                    "0.23499082279",
-                    partial(_swings, method=SolverMethod.ExplicitEuler, h=0.006),
-                ),
-                Measured(
-                    "the same over that with h = 3 ms, rounding would not shrink with h",
-                    "2.0011907111",
-                    partial(_ratio_of_steps, method=SolverMethod.ExplicitEuler),
-                ),
-            ),
+            _growth_in_swings(SolverMethod.ExplicitEuler, "0.23499082279", "2.0011907111"),
         ),
         Erratum(
             "section 5.2",
             "the numerical imprecision leads to a decay",
             "it is truncation error again, a factor exp(-pi*h*w0) a period for small swings",
-            (
-                Measured(
-                    "logarithm of the growth in 4 swings, h = 6 ms",
-                    "-0.23546528291",
-                    partial(_swings, method=SolverMethod.ImplicitEuler, h=0.006),
-                ),
-                Measured(
-                    "the same over that with h = 3 ms, rounding would not shrink with h",
-                    "2.0033788679",
-                    partial(_ratio_of_steps, method=SolverMethod.ImplicitEuler),
-                ),
-            ),
+            _growth_in_swings(SolverMethod.ImplicitEuler, "-0.23546528291", "2.0033788679"),
         ),
         Erratum(
             "section 5.2, the method",
