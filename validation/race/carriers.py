@@ -62,14 +62,15 @@ def host_of(fmu: Fmu) -> Host | None:
 def experiment(scene: Scene, method: int, substeps: float, interpolates: bool) -> Experiment:
     """Return the run with so many substeps in a communication step.
 
-    With a drive the communication step is the substep. The torque is that of its middle, held, or for an FMU that
-    interpolates a cubic.
+    With a smooth drive the communication step is the substep. The torque is that of its middle, held, or for an FMU
+    that interpolates a cubic.
     """
-    h = scene.step / substeps
+    h, held = scene.step / substeps, scene.held
     start = {**scene.start, "solver.method": method, "solver.stepSize": h}
     record = ("phi", "w")
     if (drive := scene.drive) is None:
-        return Experiment(scene.stop, scene.step, start, record=record)
+        torque = (lambda t: held[round(t / scene.step)]) if held else None
+        return Experiment(scene.stop, scene.step, start, torque, record)
     if interpolates:
         inputs = drive.polynomials(h, round(scene.stop / h))
         return Experiment(scene.stop, h, start, record=record, inputs=inputs)
@@ -77,7 +78,8 @@ def experiment(scene: Scene, method: int, substeps: float, interpolates: bool) -
 
 
 def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float, _: float) -> Run:
-    prepared, host = experiment(scene, method, substeps, fmu.interpolates), host_of(fmu)
+    prepared = experiment(scene, method, substeps, fmu.interpolates)
+    host = None if scene.held else host_of(fmu)  # the rivals are called from Python at each jump, too
     stride = 1 if scene.drive is None else int(substeps)
 
     def run() -> Outcome:

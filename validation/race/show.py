@@ -115,15 +115,15 @@ def everything(fmu: Fmu, scene: Scene) -> Table:
 def choice(fmu: Fmu) -> Table:
     """Return which method to use for which drag and error, and what that costs."""
     groups = GROUPS[fmu.native]
-    columns = ["drag", "motion", "error", "method", "solver.stepSize [s]", "time [ms]"]
+    columns = ["task", "motion", "error", "method", "solver.stepSize [s]", "time [ms]"]
     for group in groups:
         columns += [f"{group} [ms]", "ratio"]
     rows = []
-    for scene in (scene for scene in SCENES if scene.drag):
+    for scene in (scene for scene in SCENES if scene.task):
         ours = STIFFLY_STABLE if scene.k2 >= STIFF.k2 else OURS
         for error in (error for error in COARSE if error in scene.targets):
             rows.append(
-                [scene.drag, scene.name, f"{error:.0e}", *_choice(fmu, scene, ours, error)]
+                [scene.task, scene.name, f"{error:.0e}", *_choice(fmu, scene, ours, error)]
                 + [cell for names in groups.values() for cell in _against(fmu, scene, ours, names, error)]
             )
     note = (
