@@ -8,6 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from ..fmu import Experiment, Fmu, Host, SolverMethod
+from ..fmu import Run as FmuRun
 from .compiler import NoCompilerError, shared_library
 from .rivals import Outcome, Run, Solver
 from .scenes import Scene
@@ -80,11 +81,12 @@ def experiment(scene: Scene, method: int, substeps: float, interpolates: bool) -
 def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float, _: float) -> Run:
     prepared = experiment(scene, method, substeps, fmu.interpolates)
     host = None if scene.held else host_of(fmu)  # the rivals are called from Python at each jump, too
+    run = fmu.run if host is None else partial(fmu.run_in, host)
+    return lambda: outcome(scene, substeps, run(prepared))
+
+
+def outcome(scene: Scene, substeps: float, run: FmuRun) -> Outcome:
+    """Return what a run of `experiment` has on the grid of the scene."""
     stride = 1 if scene.drive is None else int(substeps)
-
-    def run() -> Outcome:
-        done = fmu.run(prepared) if host is None else fmu.run_in(host, prepared)
-        failure = "diverged" if done.failure else ""
-        return Outcome(done.seconds, done["phi"][::stride], done["w"][::stride], done.nfev, failure)
-
-    return run
+    failure = "diverged" if run.failure else ""
+    return Outcome(run.seconds, run["phi"][::stride], run["w"][::stride], run.nfev, failure)

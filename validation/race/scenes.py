@@ -109,6 +109,10 @@ def _by_elliptic_functions(scene: Scene) -> references.State:
     return references.motion(scene.grid, scene.phi0, scene.rate0, W02)
 
 
+def _free(scene: Scene) -> references.State:
+    return references.free_evolution(np.array(scene.grid), scene.phi0, scene.rate0, scene.k2, W02)
+
+
 def _by_faddeeva(scene: Scene) -> references.State:
     assert scene.drive is not None
     return references.gaussian_response(scene.grid, *scene.drive, k2=scene.k2, w02=W02, start=0.0)
@@ -121,6 +125,7 @@ def _overdamped(scene: Scene) -> references.State:
 REFERENCES = {
     "Taylor series": _by_taylor,
     "elliptic functions": _by_elliptic_functions,
+    "free linear motion": _free,
     "Faddeeva function": _by_faddeeva,
     "slow manifold": _overdamped,
 }
@@ -148,13 +153,14 @@ ROTATION = Scene(
     "rotation, 8 rad/s at the bottom, 20 s", 20.0, 20, 0.0, rate0=8.0, reference="elliptic functions"
 )
 DAMPED = Scene("damped 170 deg, k2 = 0.5/s, 10 s", 10.0, 10, radians(170), k2=0.5, task="weak drag")
+GAUSSIAN = Gaussian(SMALL * W02, 4.0, 0.09)
 PULSE = Scene(
     "Gaussian pulse through tau, k2 = 0.5/s, 8 s",
     8.0,
     8,
     0.0,
     k2=0.5,
-    drive=Gaussian(SMALL * W02, 4.0, 0.09),
+    drive=GAUSSIAN,
     reference="Faddeeva function",
     scale=SMALL,
     targets=COARSE,
