@@ -3,17 +3,18 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from math import inf, isnan, nan
+from math import inf, isnan, nan, sin
 
 import numpy as np
 import pytest
 
-from validation.fmu import Fmu, SolverMethod
+from validation import references
+from validation.fmu import W0, W02, Fmu, SolverMethod
 from validation.race import contest, judging, show
 from validation.race.contest import Race
 from validation.race.judging import Goal, compare, why_not
 from validation.race.rivals import PYTHON_RIVALS, Outcome, Run, Solver
-from validation.race.scenes import SCENES, UNDAMPED, Scene, exact
+from validation.race.scenes import DAMPED, PULSE, SCENES, TRAIN, UNDAMPED, Scene, exact
 
 SCENE = replace(UNDAMPED[0], name="a scene of the tests", targets=(1e-2, 1e-4))
 
@@ -52,6 +53,33 @@ def test_the_error_that_counts_is_the_largest_on_the_grid() -> None:
     assert errors.largest == pytest.approx(4e-3, rel=1e-9, abs=0)
     assert errors.final == pytest.approx(3e-3, rel=1e-9, abs=0)
     assert errors.rms == pytest.approx(5e-3 / len(phi) ** 0.5, rel=1e-9, abs=0)
+
+
+def test_a_motion_that_is_late_has_an_error_of_the_period_and_none_of_the_energy() -> None:
+    late = 1e-6
+    phi, w = references.motion(np.array(SCENE.grid) - late, SCENE.phi0, 0.0, W02)
+    errors = contest.errors(SCENE, Outcome(0.0, phi, w, nan))
+    # The next term is late*a/w, less than 10*late*w0 where w is not small; of the energy, the elliptic functions' digits.
+    assert errors.period == pytest.approx(late / SCENE.stop, rel=10 * late * W0, abs=0)
+    assert errors.energy <= 1e-13
+
+
+def test_a_change_of_the_energy_is_the_largest_relative_one() -> None:
+    phi, w = exact(SCENE)
+    faster = w.copy()
+    faster[3] *= 1 + 1e-6
+    kinetic = w[3] ** 2 / 2 / (2 * W02 * sin(SCENE.phi0 / 2) ** 2)
+    errors = contest.errors(SCENE, Outcome(0.0, phi, faster, nan))
+    assert errors.energy == pytest.approx(2e-6 * kinetic, rel=1e-6, abs=0)
+    assert errors.period == 0.0
+
+
+@pytest.mark.parametrize("scene", [DAMPED, PULSE, TRAIN], ids=lambda scene: scene.name)
+def test_where_the_energy_changes_it_has_no_error(scene: Scene) -> None:
+    errors = contest.errors(scene, Outcome(0.0, *exact(scene), nan))
+    assert errors.largest == 0.0
+    assert isnan(errors.energy)
+    assert isnan(errors.period)
 
 
 @pytest.mark.parametrize("failed", [outcome(0.0, 1.0, failure="diverged"), outcome(nan, 1.0)])

@@ -98,18 +98,22 @@ def everything(fmu: Fmu, scene: Scene) -> Table:
         measured = percentiles(times) if times else ("", "", "")
         rows.append(
             (
-                *(rung.solver.name, shown(scene, rung.solver, rung.knob), *rung.errors),
-                *("" if np.isnan(rung.evaluations) else rung.evaluations, rung.failure, rung.seconds),
+                *(rung.solver.name, shown(scene, rung.solver, rung.knob), *map(_cell, rung.errors)),
+                *(_cell(rung.evaluations), rung.failure, rung.seconds),
                 *(*measured, *times),
             )
         )
     columns = (
-        *("solver", "h [s] or tolerance", "final error", "rms error", "largest error", "evaluations"),
-        *("failure", "first run [s]", "median [s]", "10 % [s]", "90 % [s]"),
+        *("solver", "h [s] or tolerance", "final error", "rms error", "largest error", "energy error"),
+        *("period error", "evaluations", "failure", "first run [s]", "median [s]", "10 % [s]", "90 % [s]"),
         *(f"round {i + 1} [s]" for i in range(rounds)),
     )
     head = (("FMU", fmu.path.name), *provenance())
     return Table(f"All runs: {scene.name}", columns, rows, shown=False, head=head)
+
+
+def _cell(number: float) -> float | str:
+    return "" if np.isnan(number) else number
 
 
 def choice(fmu: Fmu) -> Table:
@@ -205,6 +209,21 @@ def against_evaluations(fmu: Fmu, scene: Scene) -> Plot:
         + (f" Cut off before the least error: {', '.join(ended)}." * bool(ended))
     )
     return Plot(title, f"largest error [{_unit(scene)}]", "evaluations", _curves(points), "xy", note)
+
+
+def energy_and_period(fmu: Fmu, scene: Scene) -> Plot:
+    """Return how much of the energy each run loses or gains against how early or late it is."""
+    points: dict[str, list[tuple[float, float]]] = {}
+    for rung in _rungs(fmu, raced(fmu, scene)):
+        if 0 < rung.errors.largest < 0.1:
+            points.setdefault(rung.solver.name, []).append((rung.errors.energy, rung.errors.period))
+    title = f"Error of the period against error of the energy: {scene.name}"
+    note = (
+        "A run a mark, joined in the order of steps or tolerances. Above the diagonal a method is rather late or early "
+        "than wrong in amplitude."
+    )
+    x_label, y_label = "energy error, relative, largest on the grid", "period error, relative, over the run"
+    return Plot(title, x_label, y_label, _curves(points), "xy", note)
 
 
 def _curves(points: dict[str, list[tuple[float, float]]]) -> list[Curve]:

@@ -6,29 +6,24 @@ The rows of SCENES are about errors, those of RACES about run times.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
-from math import inf, nan, pi, sqrt, ulp
-from pathlib import Path
+from functools import cache
+from math import inf, sqrt, ulp
 from typing import NamedTuple
 
 import numpy as np
 
-from .. import loops, races
+from .. import races
 from ..checks import Check, Note, Result, Table
-from ..fmu import METHOD_NAMES, W0, W02, Experiment, Fmu, SolverMethod
-from ..loops import Loop
+from ..fmu import EULER, METHOD_NAMES, MIDPOINT, RK4, W0, Fmu, SolverMethod
 from ..metrics import ORDER, SAFETY, SIGMAS, observed_order
-from ..race import carriers, contest, show
-from ..race.compiler import NoCompilerError
-from ..race.judging import GOALS, GROUPS, Goal, raced, rivals
+from ..race import calls, carriers, contest, show
+from ..race.judging import GOALS, Goal, rivals
 from ..race.machine import provenance
 from ..race.rivals import HEYOKA, heyoka_to_the_end
 from ..race.scenes import CHAOS, DAMPED, EXTREME, GAUSSIAN, PULSE, SMALL, STIFF, TRAIN, UNDAMPED, exact
 from ..race.scenes import SCENES as RACED
 from ..race.scenes import Scene as RaceData
-from ..races import clock
 from ..references.methods import METHODS
 from .scene import Case, Scene
 
@@ -37,13 +32,13 @@ FORMULA = (
     "error = |(phi, w/w0) - exact|; run times are those of the processor, medians of rounds that all share"
 )
 
-EULER, MIDPOINT, RK4 = (
-    SolverMethod.ExplicitEuler,
-    SolverMethod.ExplicitMidPoint2,
-    SolverMethod.ExplicitRungeKutta4,
-)
-EXPLICIT = (EULER, MIDPOINT, RK4, SolverMethod.TaylorSeries)
-REAL_LIMITS = {EULER: 2.0, MIDPOINT: 2.0, RK4: 2.7852935634, SolverMethod.TaylorSeries: 7.3243335628}
+# Of stability, in units of 1/k2.
+REAL_LIMITS: Mapping[int, float] = {
+    EULER: 2.0,
+    MIDPOINT: 2.0,
+    RK4: 2.7852935634,
+    SolverMethod.TaylorSeries: 7.3243335628,
+}
 
 
 # Errors
@@ -129,7 +124,7 @@ class WorkScene(Scene):
 
     def divergence(self, method: int, points: Sequence[Point]) -> Check:
         """Return the row that runs beyond the stability limit, and no others, fail or end with an error above 1."""
-        limit = REAL_LIMITS[SolverMethod(method)] / self.data.k2
+        limit = REAL_LIMITS[method] / self.data.k2
         right = sum(point.error > 1 if point.h > limit else point.error <= 1 for point in points)
         return Check(
             f"{METHOD_NAMES[method]} is lost beyond its limit, and only there; {self.name}",
@@ -241,126 +236,6 @@ class RaceScene(Scene):
         yield show.against_evaluations(fmu, self.data)
 
 
-SUBSTEP = 0.01  # of the races of substeps [s]
-# Of such a race, all in one communication step: so many that a call of the native FMU is 5 percent of it or less.
-SUBSTEPS = {SolverMethod.TaylorSeries: 500, SolverMethod.SDIRK4: 1000}
-MANY = 5000  # of the others
-TORQUE = 0.1  # lets every term of the equation act [N.m]
-LOOP_NAMES = {False: "bare loop in Python", True: "bare loop in C"}  # by whether the FMU is native
-NO_SLOWER_THAN = {False: 1.4, True: 1.25}  # a substep of the FMU in units of that of the bare loop
-NATIVE_FASTER_BY = 10.0
-FEW = 100  # substeps in a communication step
-NATIVE_FASTER_BY_WITH_FEW = 7.0
-SPEND = 2e-3  # of each runner in a round [s]
-
-
-def _carrier(native: bool) -> str:
-    return "native FMU" if native else "FMU"
-
-
-def _beside(fmu: Fmu) -> Path:
-    """Return where the FMU that carries the same model otherwise lies, if it was built."""
-    return fmu.path.with_name("DampedPendulum.fmu" if fmu.native else "DampedPendulumNative.fmu")
-
-
-@cache
-def substeps(fmu: Fmu) -> tuple[Result, ...]:
-    """Return a substep of each method in the FMUs against bare loops, and one carrier against the other."""
-    return tuple(_substeps(fmu))
-
-
-def _substeps(fmu: Fmu) -> Iterator[Result]:
-    with ExitStack() as stack:
-        fmus = {fmu.native: fmu}
-        bare: dict[bool, Mapping[str, Loop]] = {False: loops.PYTHON_LOOPS}
-        if _beside(fmu).is_file():
-            fmus[not fmu.native] = stack.enter_context(Fmu(_beside(fmu)))
-        else:
-            yield Note(f"Left out: the races with the other carrier, because there is no {_beside(fmu)}.")
-        if True in fmus:
-            try:
-                bare[True] = loops.c_loops()
-            except NoCompilerError as error:
-                yield Note(f"Left out: the race of the native FMU against a {LOOP_NAMES[True]}: {error}.")
-        yield from _race_substeps(fmus, {native: bare[native] for native in fmus if native in bare})
-
-
-def _race_substeps(fmus: Mapping[bool, Fmu], bare: Mapping[bool, Mapping[str, Loop]]) -> Iterator[Result]:
-    runners: dict[tuple[str, str], races.Runner] = {}
-    for method in SolverMethod:
-        for native, fmu in fmus.items():
-            runners[_carrier(native), method.name] = partial(_seconds, fmu, _held(method, _many(method)))
-        for native, of_method in bare.items():
-            runners[LOOP_NAMES[native], method.name] = partial(
-                _loop_seconds, of_method[method.name], _many(method)
-            )
-    times = races.race(runners, spend=SPEND)
-    what = "all substeps in one communication step, all terms act"
-    for native in bare:
-        carrier, loop = _carrier(native), LOOP_NAMES[native]
-        for method in SolverMethod:
-            yield races.at_most(
-                f"time: substep of {method.name} in the {carrier} against a {loop}",
-                races.ratio(times[carrier, method.name], times[loop, method.name]),
-                NO_SLOWER_THAN[native],
-                f"{what}; the loop is written for this pendulum alone",
-            )
-    columns = ("method", *(f"{name} [us]" for name in dict.fromkeys(name for name, _ in runners)))
-    rows = [
-        (
-            method.name,
-            *(
-                f"{1e6 * np.median(of) / _many(method):.3g}"
-                for (_, name), of in times.items()
-                if name == method.name
-            ),
-        )
-        for method in SolverMethod
-    ]
-    yield Table("Time of a substep, median", columns, rows)
-    if len(fmus) == 2:
-        yield from _native_is_faster(fmus, times, what)
-
-
-def _native_is_faster(
-    fmus: Mapping[bool, Fmu], times: Mapping[tuple[str, str], list[float]], what: str
-) -> Iterator[Result]:
-    for method in EXPLICIT:
-        ratio = races.ratio(times[_carrier(False), method.name], times[_carrier(True), method.name])
-        name = f"time: substep of {method.name} in the FMU in units of that in the native FMU"
-        yield races.at_least(name, ratio, NATIVE_FASTER_BY, what)
-    short = _held(RK4, FEW, 20)
-    of = races.race({native: partial(_seconds, fmu, short) for native, fmu in fmus.items()})
-    yield races.at_least(
-        f"time: communication step of {FEW} substeps of the FMU in units of that of the native FMU",
-        races.ratio(of[False], of[True]),
-        NATIVE_FASTER_BY_WITH_FEW,
-        "RK4, all terms act; the call from Python counts for both",
-    )
-
-
-def _held(method: int, substeps: int, steps: int = 1) -> Experiment:
-    """Return a run of communication steps of so many substeps under a held torque, of which nothing is recorded."""
-    step = substeps * SUBSTEP
-    start = {"tau": TORQUE, "solver.method": method, "solver.stepSize": SUBSTEP}
-    return Experiment(steps * step, step, start, record=())
-
-
-def _seconds(fmu: Fmu, experiment: Experiment) -> float:
-    return fmu.run(experiment).seconds
-
-
-def _many(method: SolverMethod) -> int:
-    return SUBSTEPS.get(method, MANY)
-
-
-def _loop_seconds(loop: Loop, substeps: int) -> float:
-    """Return the time [s] of the default pendulum under `TORQUE` in a bare loop."""
-    begin = clock()
-    loop(TORQUE, 0.002, W02, pi / 6, 0.0, SUBSTEP, substeps)
-    return clock() - begin
-
-
 # The Taylor series against heyoka's, from one end to the other: neither pays for a grid.
 TO_THE_END = replace(UNDAMPED[1], name="undamped 90 deg, 20 s in one step", points=1, targets=(1e-13,))
 AGAINST_HEYOKA = (
@@ -374,7 +249,7 @@ def against_heyoka(fmu: Fmu) -> Check:
     if HEYOKA not in {rival.name for rival in rivals(True)[0]}:
         return races.not_measured(AGAINST_HEYOKA, 1.0, "heyoka is not installed: pip install '.[peers]'")
     (taylor_series,) = (solver for solver in carriers.solvers(fmu) if solver.name == "TaylorSeries")
-    race = contest.race([taylor_series, heyoka_to_the_end()], TO_THE_END, SPEND)
+    race = contest.race([taylor_series, heyoka_to_the_end()], TO_THE_END, calls.SPEND)
     (error,) = TO_THE_END.targets
     ours, theirs = race.fastest(["TaylorSeries"], error), race.fastest([HEYOKA], error)
     if ours is None or theirs is None:
@@ -384,93 +259,24 @@ def against_heyoka(fmu: Fmu) -> Check:
     return races.at_least(AGAINST_HEYOKA, ratio, 1.0, reason)
 
 
-def _against_heyoka(fmu: Fmu) -> Iterator[Result]:
+def _against_heyoka(fmu: Fmu) -> Iterator[Check]:
     if fmu.native:
         yield against_heyoka(fmu)
-
-
-def _cost(fmu: Fmu) -> Iterator[Result]:
-    """Yield what a call of doStep costs, and what a substep costs."""
-    many, one = 500, 500
-    runners = {}
-    for method in SolverMethod:
-        runners[method, many] = partial(_seconds, fmu, _held(method, many))
-        runners[method, 1] = partial(_seconds, fmu, _held(method, 1, one))
-    times = races.race(runners, contest.ROUNDS, 0.0)
-    rows = []
-    for method in SolverMethod:
-        substep = float(np.median(times[method, many])) / many
-        step = float(np.median(times[method, 1])) / one
-        call = step - substep
-        rows.append((method.name, f"{1e6 * call:.3g}", f"{1e6 * substep:.3g}", f"{call / substep:.3g}"))
-    yield Table(
-        "Cost of a call of doStep and of a substep",
-        ("method", "call [us]", "substep [us]", "substeps that cost as much as a call"),
-        rows,
-        "Called from Python by ctypes; default drag and a held torque, so that all terms act.",
-    )
-
-
-COMMUNICATION_STEPS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01)  # [s]
-
-
-def _communication(fmu: Fmu) -> Iterator[Result]:
-    """Yield how the communication step eats the advantage over the best rival, which returns one grid of 1 s."""
-    data, error = UNDAMPED[1], 1e-6
-    race = raced(fmu, data)
-    rival = race.fastest([name for names in GROUPS[fmu.native].values() for name in names], error)
-    start = {**data.start, "solver.method": RK4, "solver.stepSize": 0.01}
-    runs = {
-        step: partial(_seconds, fmu, Experiment(data.stop, step, start, record=("phi", "w")))
-        for step in COMMUNICATION_STEPS
-    }
-    times = races.race(runs, contest.ROUNDS, 0.0)
-    fastest = race.median(rival) if rival else nan
-    yield Table(
-        f"How the communication step eats the advantage: RK4, h = 0.01 s, {data.name}",
-        ("communication step [s]", "time [ms]", "best rival to 1e-6", "its time [ms]", "rival/FMU"),
-        [
-            (
-                f"{step:g}",
-                f"{1e3 * median:.3g}",
-                rival[0] if rival else "none",
-                f"{1e3 * fastest:.3g}",
-                f"{fastest / median:.3g}",
-            )
-            for step, of in times.items()
-            for median in [float(np.median(of))]
-        ],
-    )
-
-
-def _choice(fmu: Fmu) -> Iterator[Result]:
-    yield show.choice(fmu)
-    yield Table("Where the run times were measured", ("what", "value"), provenance())
-
-
-def goals(fmu: Fmu) -> Iterator[Check]:
-    """Yield the rows of all goals that are about this carrier, in the order of the report."""
-    yield from (goal.judge(fmu) for goal in GOALS[fmu.native])
-    if fmu.native:
-        yield against_heyoka(fmu)
-    yield from (result for result in substeps(fmu) if isinstance(result, Check))
 
 
 def _goals(fmu: Fmu) -> Iterator[Result]:
-    yield from (goal.judge(fmu) for goal in GOALS[fmu.native])
-    rows = list(goals(fmu))
-    text = "Speed: "
-    if GOALS[fmu.native]:
-        text += (
-            "undamped swings run "
-            + " and ".join(
-                f"at least {row.measured:.2g} times as fast as with {goal.rival}"
-                for goal, row in zip(GOALS[fmu.native], rows, strict=False)
-                if goal.scenes == UNDAMPED
-            )
-            + "; "
-        )
-    text += f"{sum(row.holds for row in rows)} of {len(rows)} goals of speed are met on this machine."
+    """Yield the goals against the rivals, and what became of all goals that are about this carrier."""
+    goals = GOALS[fmu.native]
+    judged = [goal.judge(fmu) for goal in goals]
+    yield from judged
+    rows = [*judged, *_against_heyoka(fmu), *(row for row in calls.substeps(fmu) if isinstance(row, Check))]
+    undamped = [
+        f"at least {row.measured:.2g} times as fast as with {goal.rival}"
+        for goal, row in zip(goals, judged, strict=True)
+        if goal.scenes == UNDAMPED
+    ]
+    swings = f"undamped swings run {' and '.join(undamped)}; " if undamped else ""
+    text = f"Speed: {swings}{sum(row.holds for row in rows)} of {len(rows)} goals of speed are met on this machine."
     yield Note(text, headline=True)
     yield Table(
         "Goals of speed",
@@ -510,15 +316,20 @@ def _ratio(goal: Goal, fmu: Fmu, error: float) -> str:
     return ratio if isinstance(ratio, str) else show.interval(ratio)
 
 
+def _choice(fmu: Fmu) -> Iterator[Result]:
+    yield show.choice(fmu)
+    yield Table("Where the run times were measured", ("what", "value"), provenance())
+
+
 RACES: tuple[Scene, ...] = (
     *map(RaceScene, RACED),
     Case("race: the Taylor series against heyoka's", _against_heyoka),
     Case(
         "race: substeps against bare loops, and one carrier against the other",
-        lambda fmu: iter(substeps(fmu)),
+        lambda fmu: iter(calls.substeps(fmu)),
     ),
-    Case("cost of a call and of a substep", _cost),
-    Case("cost of short communication steps", _communication),
+    Case("cost of a call and of a substep", calls.cost),
+    Case("cost of short communication steps", calls.communication),
     Case("goals", _goals),
     Case("which method for which task", _choice),
 )
