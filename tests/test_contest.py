@@ -10,8 +10,8 @@ import pytest
 
 from validation import references
 from validation.fmu import W0, W02, Fmu, SolverMethod
-from validation.race import contest, judging, show
-from validation.race.contest import Race
+from validation.race import calls, contest, judging, show
+from validation.race.contest import Errors, Race, Rung
 from validation.race.judging import Goal, compare, why_not
 from validation.race.rivals import PYTHON_RIVALS, Outcome, Run, Solver
 from validation.race.scenes import DAMPED, PULSE, SCENES, TRAIN, UNDAMPED, Scene, exact
@@ -59,7 +59,7 @@ def test_a_motion_that_is_late_has_an_error_of_the_period_and_none_of_the_energy
     late = 1e-6
     phi, w = references.motion(np.array(SCENE.grid) - late, SCENE.phi0, 0.0, W02)
     errors = contest.errors(SCENE, Outcome(0.0, phi, w, nan))
-    # The next term is late*a/w, less than 10*late*w0 where w is not small; of the energy, the elliptic functions' digits.
+    # The next term is late*a/w, less than 10*late*w0 where w is not small; of the energy, those of the functions.
     assert errors.period == pytest.approx(late / SCENE.stop, rel=10 * late * W0, abs=0)
     assert errors.energy <= 1e-13
 
@@ -136,6 +136,30 @@ def test_it_is_said_why_an_error_is_not_reached() -> None:
     assert why_not([coarse], SCENE, 1e-2) == "not reached"
     lost = solver("diverges", lambda _: 0.0, lambda _: 0.1, (1e-3,), failure="diverged")
     assert why_not([lost], SCENE, 1e-2) == "diverged"
+
+
+@pytest.mark.parametrize(
+    ("counts_substeps", "knob", "step", "expected"),
+    [
+        (True, 60.0, 1.0, 60.0),
+        (True, 60.0, 0.1, 6.0),
+        (True, 60.0, 0.02, 2.0),
+        (True, 60.0, 0.001, 1.0),
+        (False, 1e-7, 0.001, 1e-7),
+    ],
+)
+def test_at_other_communication_steps_substeps_are_no_longer_and_tolerances_stay(
+    counts_substeps: bool, knob: float, step: float, expected: float
+) -> None:
+    prepared = []
+
+    def prepare(scene: Scene, knob: float, cut_off: float) -> Run:
+        prepared.append((scene.step, knob))
+        return lambda: outcome(0.0, 0.0)
+
+    one = Solver("one", "one", (), prepare, counts_substeps)
+    calls._often(Rung(one, knob, 1.0, Errors(*[nan] * 5), nan, ""), step)
+    assert prepared == [(step, expected)]
 
 
 # Comparisons and goals

@@ -170,7 +170,7 @@ def cost(fmu: Fmu) -> Iterator[Result]:
 
 STEPS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)  # communication steps [s]
 FITTED_TO, ERROR = UNDAMPED[1], 1e-6
-SWING = replace(FITTED_TO, stop=5.0)  # the same motion, of which a part is enough
+SWING = replace(FITTED_TO, stop=2.0)  # the same motion, of which a part is enough
 
 
 def communication(fmu: Fmu) -> Iterator[Result]:
@@ -189,7 +189,7 @@ def communication(fmu: Fmu) -> Iterator[Result]:
     )
     columns = ("communication step [s]", *(f"{name} [ms]" for name in names))
     rows = [(f"{step:g}", *(f"{1e3 * times[name, step]:.3g}" for name in names)) for step in STEPS]
-    yield Table(title, columns, rows, note)
+    yield Table(title, columns, rows)
     curves = [Curve(name, STEPS, [times[name, step] for step in STEPS], *show.STYLES[name]) for name in names]
     yield Plot(title, columns[0], "time [s]", curves, "xy", note)
 

@@ -94,10 +94,8 @@ class WorkScene(Scene):
         bound, why = ORDER, "by convention: h is so small that the next term changes less"
         next_term = 2 * (coarse.h * self.rate) ** 2
         if self.rate and expected > 1 and next_term < ORDER:
-            bound, why = (
-                next_term,
-                "2*(h*r)^2: the next term of a linear motion is at right angles to the error",
-            )
+            bound = next_term
+            why = "2*(h*r)^2: the next term of a linear motion is at right angles to the error"
         held = ", from holding the input" if self.data.drive else ""
         reason = f"observed {order:.6g}, theory {expected}{held}; {why}"
         return Check(f"slope of {METHOD_NAMES[method]}, {self.name}", abs(order - expected), bound, reason)
