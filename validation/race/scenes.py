@@ -198,7 +198,7 @@ TRAIN = Scene(
     k2=0.5,
     held=tuple(float(7 * n * n % 11 - 5) for n in range(20)),  # -5 to 5 in no order
     targets=COARSE,
-    task="torque that jumps",
+    task="jumps",
 )
 # Errors grow 1e5-fold to the end: rounding alone becomes 1e-10.
 CHAOS = Scene(
@@ -213,12 +213,12 @@ CHAOS = Scene(
     loosest=1e-6,
 )
 OFTEN = Scene(
-    "undamped 90 deg, 2 s, an answer every 1 ms",
+    "undamped 90 deg, 2 s, answers every 1 ms",
     2.0,
     2000,
     radians(90),
     reference="elliptic functions",
     targets=COARSE[:3],
-    task="an answer every 1 ms",
+    task="every 1 ms",
 )
 SCENES = (*UNDAMPED, ROTATION, DAMPED, PULSE, TRAIN, CHAOS, OFTEN, STIFF, EXTREME, LONG)
