@@ -279,7 +279,7 @@ def _heyoka(scene: Scene, tolerance: float, cut_off: float) -> Run:
             if scene.held:
                 integrator.pars[0] = held
             if len(times) == 2:  # the end alone is faster without a grid
-                integrator.propagate_until(times[1], max_steps=steps)
+                integrator.propagate_until(times[1], max_delta_t=longest, max_steps=steps)
                 rows.append(integrator.state[np.newaxis].copy())
             else:
                 rows.append(integrator.propagate_grid(times, max_delta_t=longest, max_steps=steps)[-1][1:])
@@ -287,9 +287,8 @@ def _heyoka(scene: Scene, tolerance: float, cut_off: float) -> Run:
                 break
         seconds = clock() - begin
         phi, w = np.concatenate(rows).T
-        return Outcome(
-            seconds, phi, w, nan, "" if integrator.time == scene.stop else f"cut off at {steps} steps"
-        )
+        failure = "" if integrator.time == scene.stop else f"cut off at {steps} steps"
+        return Outcome(seconds, phi, w, nan, failure)
 
     return run
 

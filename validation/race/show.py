@@ -117,7 +117,7 @@ def _cell(number: float) -> float | str:
 
 
 def choice(fmu: Fmu) -> Table:
-    """Return which method to use for which drag and error, and what that costs."""
+    """Return which method to use for which task and error, and what that costs."""
     groups = GROUPS[fmu.native]
     columns = ["task", "motion", "error", "method", "solver.stepSize [s]", "time [ms]"]
     for group in groups:
@@ -209,21 +209,6 @@ def against_evaluations(fmu: Fmu, scene: Scene) -> Plot:
         + (f" Cut off before the least error: {', '.join(ended)}." * bool(ended))
     )
     return Plot(title, f"largest error [{_unit(scene)}]", "evaluations", _curves(points), "xy", note)
-
-
-def energy_and_period(fmu: Fmu, scene: Scene) -> Plot:
-    """Return how much of the energy each run loses or gains against how early or late it is."""
-    points: dict[str, list[tuple[float, float]]] = {}
-    for rung in _rungs(fmu, raced(fmu, scene)):
-        if 0 < rung.errors.largest < 0.1:
-            points.setdefault(rung.solver.name, []).append((rung.errors.energy, rung.errors.period))
-    title = f"Error of the period against error of the energy: {scene.name}"
-    note = (
-        "A run a mark, joined in the order of steps or tolerances. Above the diagonal a method is rather late or early "
-        "than wrong in amplitude."
-    )
-    x_label, y_label = "energy error, relative, largest on the grid", "period error, relative, over the run"
-    return Plot(title, x_label, y_label, _curves(points), "xy", note)
 
 
 def _curves(points: dict[str, list[tuple[float, float]]]) -> list[Curve]:
