@@ -3,17 +3,18 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from math import inf, isnan, nan
+from math import inf, isnan, nan, sin
 
 import numpy as np
 import pytest
 
-from validation.fmu import Fmu, SolverMethod
-from validation.race import contest, judging, show
-from validation.race.contest import Race
+from validation import references
+from validation.fmu import W0, W02, Fmu, SolverMethod
+from validation.race import calls, contest, judging, show
+from validation.race.contest import Errors, Race, Rung
 from validation.race.judging import Goal, compare, why_not
 from validation.race.rivals import PYTHON_RIVALS, Outcome, Run, Solver
-from validation.race.scenes import SCENES, UNDAMPED, Scene, exact
+from validation.race.scenes import DAMPED, PULSE, SCENES, TRAIN, UNDAMPED, Scene, exact
 
 SCENE = replace(UNDAMPED[0], name="a scene of the tests", targets=(1e-2, 1e-4))
 
@@ -52,6 +53,33 @@ def test_the_error_that_counts_is_the_largest_on_the_grid() -> None:
     assert errors.largest == pytest.approx(4e-3, rel=1e-9, abs=0)
     assert errors.final == pytest.approx(3e-3, rel=1e-9, abs=0)
     assert errors.rms == pytest.approx(5e-3 / len(phi) ** 0.5, rel=1e-9, abs=0)
+
+
+def test_a_motion_that_is_late_has_an_error_of_the_period_and_none_of_the_energy() -> None:
+    late = 1e-6
+    phi, w = references.motion(np.array(SCENE.grid) - late, SCENE.phi0, 0.0, W02)
+    errors = contest.errors(SCENE, Outcome(0.0, phi, w, nan))
+    # The next term is late*a/w, less than 10*late*w0 where w is not small; of the energy, those of the functions.
+    assert errors.period == pytest.approx(late / SCENE.stop, rel=10 * late * W0, abs=0)
+    assert errors.energy <= 1e-13
+
+
+def test_a_change_of_the_energy_is_the_largest_relative_one() -> None:
+    phi, w = exact(SCENE)
+    faster = w.copy()
+    faster[3] *= 1 + 1e-6
+    kinetic = w[3] ** 2 / 2 / (2 * W02 * sin(SCENE.phi0 / 2) ** 2)
+    errors = contest.errors(SCENE, Outcome(0.0, phi, faster, nan))
+    assert errors.energy == pytest.approx(2e-6 * kinetic, rel=1e-6, abs=0)
+    assert errors.period == 0.0
+
+
+@pytest.mark.parametrize("scene", [DAMPED, PULSE, TRAIN], ids=lambda scene: scene.name)
+def test_where_the_energy_changes_it_has_no_error(scene: Scene) -> None:
+    errors = contest.errors(scene, Outcome(0.0, *exact(scene), nan))
+    assert errors.largest == 0.0
+    assert isnan(errors.energy)
+    assert isnan(errors.period)
 
 
 @pytest.mark.parametrize("failed", [outcome(0.0, 1.0, failure="diverged"), outcome(nan, 1.0)])
@@ -108,6 +136,30 @@ def test_it_is_said_why_an_error_is_not_reached() -> None:
     assert why_not([coarse], SCENE, 1e-2) == "not reached"
     lost = solver("diverges", lambda _: 0.0, lambda _: 0.1, (1e-3,), failure="diverged")
     assert why_not([lost], SCENE, 1e-2) == "diverged"
+
+
+@pytest.mark.parametrize(
+    ("counts_substeps", "knob", "step", "expected"),
+    [
+        (True, 60.0, 1.0, 60.0),
+        (True, 60.0, 0.1, 6.0),
+        (True, 60.0, 0.02, 2.0),
+        (True, 60.0, 0.001, 1.0),
+        (False, 1e-7, 0.001, 1e-7),
+    ],
+)
+def test_at_other_communication_steps_substeps_are_no_longer_and_tolerances_stay(
+    counts_substeps: bool, knob: float, step: float, expected: float
+) -> None:
+    prepared = []
+
+    def prepare(scene: Scene, knob: float, cut_off: float) -> Run:
+        prepared.append((scene.step, knob))
+        return lambda: outcome(0.0, 0.0)
+
+    one = Solver("one", "one", (), prepare, counts_substeps)
+    calls._often(Rung(one, knob, 1.0, Errors(*[nan] * 5), nan, ""), step)
+    assert prepared == [(step, expected)]
 
 
 # Comparisons and goals
@@ -189,8 +241,9 @@ def test_each_solver_has_a_style_of_its_own() -> None:
     assert len(set(show.STYLES.values())) == len(names)
 
 
-def test_each_drag_and_each_undamped_amplitude_is_raced_once() -> None:
-    assert [scene.drag for scene in SCENES if scene.drag] == ["no", "weak", "strong", "extreme"]
+def test_the_table_has_each_task_once() -> None:
+    tasks = [scene.task for scene in SCENES if scene.task]
+    assert len(set(tasks)) == len(tasks) == 7
     assert len({scene.name for scene in SCENES}) == len(SCENES)
 
 

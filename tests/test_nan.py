@@ -52,10 +52,10 @@ def test_a_stability_map_counts_what_is_no_number(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_run_that_ends_without_a_number_is_on_the_wrong_side() -> None:
-    scene = next(s for s in work_precision.SCENES if isinstance(s, WorkScene) and s.k2 == 1e3)
-    stable = Point(1e-4, 1e-6, 1e-6, 1.0, 1)
-    lost = Point(1.0, inf, inf, 1.0, 1, "diverged")
-    nowhere = Point(1e-4, nan, nan, 1.0, 1)
+    scene = next(s for s in work_precision.SCENES if isinstance(s, WorkScene) and s.data.k2 == 1e3)
+    stable = Point(1e-4, 1e-6)
+    lost = Point(1.0, inf)
+    nowhere = Point(1e-4, nan)
     assert scene.divergence(SolverMethod.ExplicitRungeKutta4, [stable, lost]).holds
     assert scene.divergence(SolverMethod.ExplicitRungeKutta4, [stable, lost, nowhere]).measured == 1
 

@@ -15,7 +15,7 @@ from validation import loops, races, studies
 from validation.__main__ import main
 from validation.checks import Check, Note, Result, Table
 from validation.fmu import Fmu, SolverMethod
-from validation.race import contest, judging
+from validation.race import calls, contest, judging
 from validation.race.judging import GROUPS, OURS
 from validation.race.scenes import EXTREME
 from validation.report import page
@@ -196,9 +196,9 @@ on_native = pytest.mark.parametrize("carrier", ["native"], indirect=True, scope=
 @pytest.fixture
 def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Races of a single round: all of their code runs, and nothing is claimed."""
-    for module, name in ((races, "ROUNDS"), (contest, "ROUNDS"), (work_precision, "MANY")):
+    for module, name in ((races, "ROUNDS"), (contest, "ROUNDS"), (calls, "MANY")):
         monkeypatch.setattr(module, name, 1)
-    for module in (races, work_precision):
+    for module in (races, calls):
         monkeypatch.setattr(module, "SPEND", 0.0)
     monkeypatch.setattr(judging, "SPEND", {False: 0.0, True: 0.0})
 
@@ -207,8 +207,8 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("hurried", "carrier", "carriers")
 def test_the_race_of_substeps_has_all_its_rows_if_both_carriers_are_there(fmu_path: Path) -> None:
     with Fmu(fmu_path) as fmu:
-        rows = [row for row in work_precision.substeps(fmu) if isinstance(row, Check)]
-    of_loops, of_carriers = 2 * len(SolverMethod), len(work_precision.EXPLICIT) + 1
+        rows = [row for row in calls.substeps(fmu) if isinstance(row, Check)]
+    of_loops, of_carriers = 2 * len(SolverMethod), len(calls.EXPLICIT) + 1
     assert len({row.name for row in rows}) == len(rows) == of_loops + of_carriers
     assert {row.bound for row in rows} == {1.4, 1.25, 10.0, 7.0}
 
@@ -223,7 +223,7 @@ def test_what_is_left_out_of_the_races_is_said(
     monkeypatch.setenv("PATH", str(tmp_path))
     loops.c_loops.cache_clear()
     with Fmu(alone) as fmu:
-        notes = [row.text for row in work_precision.substeps(fmu) if isinstance(row, Note)]
+        notes = [row.text for row in calls.substeps(fmu) if isinstance(row, Note)]
     assert len(notes) == 2
     assert "Left out: the races with the other carrier, because there is no" in notes[0]
     assert "Left out: the race of the native FMU against a bare loop in C: no C compiler" in notes[1]

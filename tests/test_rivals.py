@@ -12,9 +12,10 @@ from validation import references
 from validation.fmu import W02, Experiment, Fmu
 from validation.race import carriers, compiler, contest, rivals, scenes
 from validation.race.rivals import PYTHON_RIVALS, Solver
-from validation.race.scenes import DAMPED, LONG, PULSE, ROTATION, STIFF, UNDAMPED, Scene, exact
+from validation.race.scenes import DAMPED, LONG, OFTEN, PULSE, ROTATION, STIFF, TRAIN, UNDAMPED, Scene, exact
 
 SHORT = replace(DAMPED, stop=2.0, points=2)
+JUMPS = replace(TRAIN, stop=2.0, points=4, held=TRAIN.held[:4])
 
 
 def compiled(name: str) -> Solver:
@@ -25,7 +26,11 @@ def compiled(name: str) -> Solver:
     return solver
 
 
-@pytest.mark.parametrize("scene", [SHORT, PULSE, replace(STIFF, stop=0.02, points=2)], ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "scene",
+    [SHORT, PULSE, JUMPS, replace(OFTEN, stop=0.1, points=100), replace(STIFF, stop=0.02, points=2)],
+    ids=lambda s: s.name,
+)
 @pytest.mark.parametrize("name", [*(rival.name for rival in PYTHON_RIVALS), "heyoka", "odeint, f in C"])
 def test_a_rival_solves_the_equation(name: str, scene: Scene) -> None:
     rival = next((rival for rival in PYTHON_RIVALS if rival.name == name), None) or compiled(name)
@@ -46,17 +51,21 @@ def test_heyoka_is_cut_off_by_its_steps() -> None:
     assert "cut off" in compiled("heyoka").prepare(UNDAMPED[0], 1e-9, 1e-6)().failure
 
 
-@pytest.mark.parametrize("scene", [UNDAMPED[0], DAMPED, PULSE], ids=lambda scene: scene.name)
-def test_the_right_hand_side_in_c_is_that_in_python(scene: Scene) -> None:
+@pytest.mark.parametrize(
+    ("scene", "held"),
+    [(UNDAMPED[0], 0.0), (DAMPED, 0.0), (PULSE, 0.0), (TRAIN, 5.0)],
+    ids=lambda value: getattr(value, "name", None),
+)
+def test_the_right_hand_side_in_c_is_that_in_python(scene: Scene, held: float) -> None:
     try:
-        f = rivals.compiled(scene)
+        f = rivals.compiled(scene, held)
     except compiler.NoCompilerError as error:
         pytest.skip(str(error))
-    g = rivals.in_python(scene)
+    g = rivals.in_python(scene, held)
     for t, phi, w in ((0.0, 0.5, -2.0), (3.9, -3.0, 1e-3), (4.2, 40.0, 7.0)):
         y = np.array([phi, w])
         # Two sums of three terms, each rounded a few times.
-        size = scene.k2 * abs(w) + W02
+        size = scene.k2 * abs(w) + W02 + held
         assert f(t, y)[0] == g(t, y)[0] == w
         assert f(t, y)[1] == pytest.approx(g(t, y)[1], rel=0, abs=4 * 2.3e-16 * size)
 
@@ -82,7 +91,28 @@ def test_without_headers_or_a_compiler_the_rival_is_left_out_with_a_reason(
     ]
 
 
+@pytest.mark.parametrize("name", [*(rival.name for rival in PYTHON_RIVALS), "heyoka", "odeint, f in C"])
+def test_a_rival_begins_anew_where_the_torque_jumps(name: str) -> None:
+    """A single step over both halves of the scene does not see that the torque of the second is another one."""
+    rival = next((rival for rival in PYTHON_RIVALS if rival.name == name), None) or compiled(name)
+    scene = replace(JUMPS, stop=0.02, points=2, held=(5.0, -5.0))
+    phi = rival.prepare(scene, 1e-9, 10.0)().phi
+    # From rest: +5*h^2/2, then the rate 5*h for h, less 5*h^2/2; drag, gravity take (k2 + w02*h)*h of it at most.
+    h = scene.step
+    assert phi == pytest.approx([0.0, 2.5 * h * h, 5 * h * h], rel=(0.5 + W02 * h) * h * 2, abs=1e-12)
+
+
 # References
+
+
+def test_the_reference_of_a_train_of_jumps_is_linear_where_it_is_small() -> None:
+    small = 1e-6
+    scene = replace(JUMPS, held=tuple(small * u for u in JUMPS.held))
+    phi, w = references.held_response(scene.held, scene.step, scene.k2, W02)
+    # Four pushes change by 10*small at most, and each adds that over w02; the sine is short by a sixth of the cube.
+    bound = W02 * (4 * 10 * small / W02) ** 3 / 6 * scene.stop**2 / 2
+    assert np.max(np.abs(exact(scene)[0] - phi)) <= bound
+    assert np.max(np.abs(exact(scene)[1] - w)) <= sqrt(W02) * bound
 
 
 @pytest.mark.parametrize("scene", UNDAMPED, ids=lambda scene: scene.name)

@@ -8,6 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from ..fmu import Experiment, Fmu, Host, SolverMethod
+from ..fmu import Run as FmuRun
 from .compiler import NoCompilerError, shared_library
 from .rivals import Outcome, Run, Solver
 from .scenes import Scene
@@ -62,14 +63,15 @@ def host_of(fmu: Fmu) -> Host | None:
 def experiment(scene: Scene, method: int, substeps: float, interpolates: bool) -> Experiment:
     """Return the run with so many substeps in a communication step.
 
-    With a drive the communication step is the substep. The torque is that of its middle, held, or for an FMU that
-    interpolates a cubic.
+    With a smooth drive the communication step is the substep. The torque is that of its middle, held, or for an FMU
+    that interpolates a cubic.
     """
-    h = scene.step / substeps
+    h, held = scene.step / substeps, scene.held
     start = {**scene.start, "solver.method": method, "solver.stepSize": h}
     record = ("phi", "w")
     if (drive := scene.drive) is None:
-        return Experiment(scene.stop, scene.step, start, record=record)
+        torque = (lambda t: held[round(t / scene.step)]) if held else None
+        return Experiment(scene.stop, scene.step, start, torque, record)
     if interpolates:
         inputs = drive.polynomials(h, round(scene.stop / h))
         return Experiment(scene.stop, h, start, record=record, inputs=inputs)
@@ -77,12 +79,14 @@ def experiment(scene: Scene, method: int, substeps: float, interpolates: bool) -
 
 
 def _prepare(fmu: Fmu, method: int, scene: Scene, substeps: float, _: float) -> Run:
-    prepared, host = experiment(scene, method, substeps, fmu.interpolates), host_of(fmu)
+    prepared = experiment(scene, method, substeps, fmu.interpolates)
+    host = None if scene.held else host_of(fmu)  # the rivals are called from Python at each jump, too
+    run = fmu.run if host is None else partial(fmu.run_in, host)
+    return lambda: outcome(scene, substeps, run(prepared))
+
+
+def outcome(scene: Scene, substeps: float, run: FmuRun) -> Outcome:
+    """Return what a run of `experiment` has on the grid of the scene."""
     stride = 1 if scene.drive is None else int(substeps)
-
-    def run() -> Outcome:
-        done = fmu.run(prepared) if host is None else fmu.run_in(host, prepared)
-        failure = "diverged" if done.failure else ""
-        return Outcome(done.seconds, done["phi"][::stride], done["w"][::stride], done.nfev, failure)
-
-    return run
+    failure = "diverged" if run.failure else ""
+    return Outcome(run.seconds, run["phi"][::stride], run["w"][::stride], run.nfev, failure)

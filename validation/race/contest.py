@@ -6,17 +6,18 @@ which no machine changes; run times decide who races, and are measured in rounds
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from math import inf, isnan, nan
 from typing import NamedTuple
 
 import numpy as np
 
 from .. import races
-from ..fmu import W0
-from .rivals import Outcome, Solver
+from ..fmu import W0, W02
+from ..races import Name
+from .rivals import Outcome, Run, Solver
 from .scenes import COARSE, Scene, exact
 
 ROUNDS = 15
@@ -26,11 +27,20 @@ FINENESS = 0.03  # relative, of the substeps that just reach an error
 
 
 class Errors(NamedTuple):
-    """Distances of (phi, w/w0) from the exact ones in units of the scene's scale [rad]; NaN for a run that failed."""
+    """Errors on the grid; NaN for a run that failed.
+
+    Attributes
+    ----------
+    final, rms, largest : distances of (phi, w/w0) from the exact ones in units of the scene's scale [rad]
+    energy : largest relative change of the energy, NaN if it is not to stay
+    period : by which part of the time the motion is early or late at the end, to first order, NaN as above
+    """
 
     final: float
     rms: float
     largest: float
+    energy: float
+    period: float
 
 
 class Rung(NamedTuple):
@@ -51,11 +61,22 @@ def errors(scene: Scene, outcome: Outcome) -> Errors:
     """Return the errors of a run on the grid of the scene."""
     phi, w = exact(scene)
     if outcome.failure or len(outcome.phi) != len(phi):
-        return Errors(nan, nan, nan)
+        return Errors(nan, nan, nan, nan, nan)
     distances = np.hypot(outcome.phi - phi, (outcome.w - w) / W0) / scene.scale
     largest = float(np.max(distances))
     rms = largest * float(np.sqrt(np.mean((distances / largest) ** 2))) if largest else 0.0
-    return Errors(float(distances[-1]), rms, largest)
+    conserved = _energy_and_period(scene, outcome) if scene.conserves else (nan, nan)
+    return Errors(float(distances[-1]), rms, largest, *conserved)
+
+
+def _energy_and_period(scene: Scene, outcome: Outcome) -> tuple[float, float]:
+    energies = outcome.w**2 / 2 + 2 * W02 * np.sin(outcome.phi / 2) ** 2
+    phi, w = (column[-1] for column in exact(scene))
+    # The shift in time is what of the error at the end lies along the motion, over its speed.
+    along = np.array([w, -W0 * np.sin(phi)])
+    error = np.array([outcome.phi[-1] - phi, (outcome.w[-1] - w) / W0])
+    shift = error @ along / (along @ along)
+    return float(np.max(np.abs(energies / energies[0] - 1))), float(abs(shift)) / scene.stop
 
 
 @cache
@@ -148,9 +169,17 @@ def race(solvers: Sequence[Solver], scene: Scene, spend: float) -> Race:
         rungs |= {(rung.solver.name, rung.knob): rung for rung in chosen}
         keys[error] = [(rung.solver.name, rung.knob) for rung in chosen]
     runs = {key: rung.solver.prepare(scene, rung.knob, inf) for key, rung in rungs.items()}
-    runners = {key: lambda run=run: run().seconds for key, run in runs.items()}
-    times = races.race(runners, ROUNDS, spend) if runners else {}
-    return Race(scene, rungs, times, keys)
+    return Race(scene, rungs, timed(runs, spend), keys)
+
+
+def timed(runs: Mapping[Name, Run], spend: float) -> dict[Name, list[float]]:
+    """Return the times [s] of prepared runs in rounds, each for `spend` [s] a round."""
+    runners = {name: partial(_seconds, run) for name, run in runs.items()}
+    return races.race(runners, ROUNDS, spend) if runners else {}
+
+
+def _seconds(run: Run) -> float:
+    return run().seconds
 
 
 def _contenders(solvers: Sequence[Solver], scene: Scene, error: float) -> Iterator[Rung]:

@@ -16,7 +16,7 @@ from ..races import Ratio
 from . import carriers, contest
 from .contest import Key, Race, ladder, race, reaching
 from .rivals import COMPILED_ODEINT, HEYOKA, ODEINT, PYTHON_RIVALS, SOLVE_IVP, Solver, compiled_rivals
-from .scenes import COARSE, DAMPED, DECADES, EXTREME, ROTATION, STIFF, UNDAMPED, Scene
+from .scenes import CHAOS, COARSE, DAMPED, EXTREME, ROTATION, STIFF, TRAIN, UNDAMPED, Scene
 
 # What a runner runs in a round at least [s]; a run of the native FMU takes a tenth of what it takes to begin it.
 SPEND = {False: 3e-3, True: 1e-3}
@@ -138,18 +138,20 @@ class Goal:
         return races.ratio(np.median(np.array(quotients), axis=0).tolist(), [1.0] * contest.ROUNDS)
 
 
-SMOOTH = (
+NOT_STIFF = (
     ("undamped swings, median of the amplitudes", UNDAMPED),
     (ROTATION.name, (ROTATION,)),
     (DAMPED.name, (DAMPED,)),
+    (TRAIN.name, (TRAIN,)),
+    (CHAOS.name, (CHAOS,)),
 )
 GOALS: dict[bool, tuple[Goal, ...]] = {
     False: (
         *(
-            Goal(what, scenes, f"the best of {SOLVE_IVP}", OF_SOLVE_IVP, DECADES, 3.0)
-            for what, scenes in SMOOTH
+            Goal(what, scenes, f"the best of {SOLVE_IVP}", OF_SOLVE_IVP, scenes[0].targets, 3.0)
+            for what, scenes in NOT_STIFF
         ),
-        *(Goal(what, scenes, ODEINT, (ODEINT,), DECADES, 1.0) for what, scenes in SMOOTH),
+        *(Goal(what, scenes, ODEINT, (ODEINT,), scenes[0].targets, 1.0) for what, scenes in NOT_STIFF),
         *(
             Goal(scene.name, (scene,), "the best of LSODA and Radau", ("LSODA", "Radau"), COARSE[:3], 2.0)
             for scene in (STIFF, EXTREME)

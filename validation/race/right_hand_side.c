@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 typedef struct {
-    double k2, w02;                /* [1/s], [1/s2] */
+    double k2, w02, held;          /* [1/s], [1/s2], constant drive [1/s2] */
     double peak, center, variance; /* of a Gaussian drive: [1/s2], [s], [s2]; no drive where the peak is 0 */
     PyObject *result;
     double *derivatives; /* the numbers of `result` */
@@ -28,7 +28,7 @@ static PyObject *evaluate(PyObject *capsule, PyObject *const *arguments, Py_ssiz
     }
     if (PyObject_GetBuffer(arguments[1], &state, PyBUF_SIMPLE) != 0) return NULL;
     const double *y = state.buf;
-    double a = -e->k2 * y[1] - e->w02 * sin(y[0]);
+    double a = e->held - e->k2 * y[1] - e->w02 * sin(y[0]);
     if (e->peak != 0.0) {
         const double from_center = PyFloat_AsDouble(arguments[0]) - e->center;
         a += e->peak * exp(-from_center * from_center / (2 * e->variance));
@@ -42,12 +42,12 @@ static PyObject *evaluate(PyObject *capsule, PyObject *const *arguments, Py_ssiz
 
 static PyMethodDef EVALUATE = {"f", (PyCFunction)(void (*)(void))evaluate, METH_FASTCALL, NULL};
 
-/* function(result, k2, w02, peak, center, variance): `result` is a writable array of two doubles. */
+/* function(result, k2, w02, held, peak, center, variance): `result` is a writable array of two doubles. */
 static PyObject *function(PyObject *module, PyObject *arguments) {
     Equation values;
     (void)module;
-    if (!PyArg_ParseTuple(arguments, "Oddddd", &values.result, &values.k2, &values.w02, &values.peak, &values.center,
-                          &values.variance))
+    if (!PyArg_ParseTuple(arguments, "Odddddd", &values.result, &values.k2, &values.w02, &values.held, &values.peak,
+                          &values.center, &values.variance))
         return NULL;
     Py_buffer buffer;
     if (PyObject_GetBuffer(values.result, &buffer, PyBUF_WRITABLE) != 0) return NULL;

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from math import exp, pi, radians
 from typing import NamedTuple
 
@@ -54,10 +55,11 @@ class Scene:
     phi0, rate0 : initial angle [rad] and rate [rad/s]
     k2 : damping rate [1/s]
     drive : the FMU gets it sampled in the middle of each substep, and held
+    held : drive [1/s2] in each communication step, at whose ends it jumps; () for none
     reference : where the exact answer comes from, a key of REFERENCES
     scale : what errors are relative to [rad]
     targets : errors at which the solvers are compared; the reference is good to a tenth of the least
-    drag : what the table "which method for which task" calls it, "" for a scene that it leaves out
+    task : what the table "which method for which task" calls it, "" for a scene that it leaves out
     leads : whether its picture leads the report, for which the slow are raced, too
     loosest : tolerance with which rivals begin
     """
@@ -69,10 +71,11 @@ class Scene:
     rate0: float = 0.0
     k2: float = 0.0
     drive: Gaussian | None = None
+    held: tuple[float, ...] = ()
     reference: str = "Taylor series"
     scale: float = 1.0
     targets: tuple[float, ...] = DECADES
-    drag: str = ""
+    task: str = ""
     leads: bool = False
     loosest: float = 1e-2
 
@@ -87,17 +90,32 @@ class Scene:
         return Experiment(self.stop, self.step).times()
 
     @property
+    def conserves(self) -> bool:
+        """Whether the energy stays."""
+        return not (self.k2 or self.drive or self.held)
+
+    @property
+    def pieces(self) -> list[tuple[float, list[float]]]:
+        """What is smooth in itself, between two jumps: the held drive [1/s2], and the grid from end to end [s]."""
+        times = self.grid
+        return list(zip(self.held, map(list, pairwise(times)), strict=True)) if self.held else [(0.0, times)]
+
+    @property
     def start(self) -> Mapping[str, float]:
         """Start values of the FMU."""
         return {"gamma": self.k2, "phi_start": self.phi0, "w_start": self.rate0}
 
 
 def _by_taylor(scene: Scene) -> references.State:
-    return taylor.motion(scene.grid, scene.phi0, scene.rate0, scene.k2, W02)
+    return taylor.motion(scene.grid, scene.phi0, scene.rate0, scene.k2, W02, scene.held or 0.0)
 
 
 def _by_elliptic_functions(scene: Scene) -> references.State:
     return references.motion(scene.grid, scene.phi0, scene.rate0, W02)
+
+
+def _free(scene: Scene) -> references.State:
+    return references.free_evolution(np.array(scene.grid), scene.phi0, scene.rate0, scene.k2, W02)
 
 
 def _by_faddeeva(scene: Scene) -> references.State:
@@ -112,6 +130,7 @@ def _overdamped(scene: Scene) -> references.State:
 REFERENCES = {
     "Taylor series": _by_taylor,
     "elliptic functions": _by_elliptic_functions,
+    "free linear motion": _free,
     "Faddeeva function": _by_faddeeva,
     "slow manifold": _overdamped,
 }
@@ -130,7 +149,7 @@ UNDAMPED = tuple(
         20.0,
         20,
         radians(angle),
-        drag="no" if angle == 90 else "",
+        task="no drag" if angle == 90 else "",
         leads=angle == 90,
     )
     for angle in AMPLITUDES
@@ -138,19 +157,20 @@ UNDAMPED = tuple(
 ROTATION = Scene(
     "rotation, 8 rad/s at the bottom, 20 s", 20.0, 20, 0.0, rate0=8.0, reference="elliptic functions"
 )
-DAMPED = Scene("damped 170 deg, k2 = 0.5/s, 10 s", 10.0, 10, radians(170), k2=0.5, drag="weak")
+DAMPED = Scene("damped 170 deg, k2 = 0.5/s, 10 s", 10.0, 10, radians(170), k2=0.5, task="weak drag")
+GAUSSIAN = Gaussian(SMALL * W02, 4.0, 0.09)
 PULSE = Scene(
     "Gaussian pulse through tau, k2 = 0.5/s, 8 s",
     8.0,
     8,
     0.0,
     k2=0.5,
-    drive=Gaussian(SMALL * W02, 4.0, 0.09),
+    drive=GAUSSIAN,
     reference="Faddeeva function",
     scale=SMALL,
     targets=COARSE,
 )
-STIFF = Scene("stiff, k2 = 1e3/s, 90 deg, 10 s", 10.0, 10, pi / 2, k2=1e3, targets=COARSE, drag="strong")
+STIFF = Scene("stiff, k2 = 1e3/s, 90 deg, 10 s", 10.0, 10, pi / 2, k2=1e3, targets=COARSE, task="strong drag")
 EXTREME = Scene(
     "stiff, k2 = 1e6/s, 90 deg, 1e5 s",
     1e5,
@@ -159,7 +179,7 @@ EXTREME = Scene(
     k2=1e6,
     reference="slow manifold",
     targets=COARSE[:3],
-    drag="extreme",
+    task="extreme drag",
 )
 LONG = Scene(
     "undamped 30 deg, 1000 periods",
@@ -170,4 +190,35 @@ LONG = Scene(
     targets=COARSE[:2],
     loosest=1e-7,
 )
-SCENES = (*UNDAMPED, ROTATION, DAMPED, PULSE, STIFF, EXTREME, LONG)
+TRAIN = Scene(
+    "torque that jumps every 0.5 s, k2 = 0.5/s, 10 s",
+    10.0,
+    20,
+    0.0,
+    k2=0.5,
+    held=tuple(float(7 * n * n % 11 - 5) for n in range(20)),  # -5 to 5 in no order
+    targets=COARSE,
+    task="jumps",
+)
+# Errors grow 1e5-fold to the end: rounding alone becomes 1e-10.
+CHAOS = Scene(
+    "chaos under +-12 N.m, 1.5 s each, k2 = 1/s, 24 s",
+    24.0,
+    16,
+    0.2,
+    k2=1.0,
+    held=(12.0, -12.0) * 8,
+    targets=COARSE[:2],
+    task="chaos",
+    loosest=1e-6,
+)
+OFTEN = Scene(
+    "undamped 90 deg, 2 s, answers every 1 ms",
+    2.0,
+    2000,
+    radians(90),
+    reference="elliptic functions",
+    targets=COARSE[:3],
+    task="every 1 ms",
+)
+SCENES = (*UNDAMPED, ROTATION, DAMPED, PULSE, TRAIN, CHAOS, OFTEN, STIFF, EXTREME, LONG)

@@ -98,32 +98,36 @@ def everything(fmu: Fmu, scene: Scene) -> Table:
         measured = percentiles(times) if times else ("", "", "")
         rows.append(
             (
-                *(rung.solver.name, shown(scene, rung.solver, rung.knob), *rung.errors),
-                *("" if np.isnan(rung.evaluations) else rung.evaluations, rung.failure, rung.seconds),
+                *(rung.solver.name, shown(scene, rung.solver, rung.knob), *map(_cell, rung.errors)),
+                *(_cell(rung.evaluations), rung.failure, rung.seconds),
                 *(*measured, *times),
             )
         )
     columns = (
-        *("solver", "h [s] or tolerance", "final error", "rms error", "largest error", "evaluations"),
-        *("failure", "first run [s]", "median [s]", "10 % [s]", "90 % [s]"),
+        *("solver", "h [s] or tolerance", "final error", "rms error", "largest error", "energy error"),
+        *("period error", "evaluations", "failure", "first run [s]", "median [s]", "10 % [s]", "90 % [s]"),
         *(f"round {i + 1} [s]" for i in range(rounds)),
     )
     head = (("FMU", fmu.path.name), *provenance())
     return Table(f"All runs: {scene.name}", columns, rows, shown=False, head=head)
 
 
+def _cell(number: float) -> float | str:
+    return "" if np.isnan(number) else number
+
+
 def choice(fmu: Fmu) -> Table:
-    """Return which method to use for which drag and error, and what that costs."""
+    """Return which method to use for which task and error, and what that costs."""
     groups = GROUPS[fmu.native]
-    columns = ["drag", "motion", "error", "method", "solver.stepSize [s]", "time [ms]"]
+    columns = ["task", "motion", "error", "method", "solver.stepSize [s]", "time [ms]"]
     for group in groups:
         columns += [f"{group} [ms]", "ratio"]
     rows = []
-    for scene in (scene for scene in SCENES if scene.drag):
+    for scene in (scene for scene in SCENES if scene.task):
         ours = STIFFLY_STABLE if scene.k2 >= STIFF.k2 else OURS
         for error in (error for error in COARSE if error in scene.targets):
             rows.append(
-                [scene.drag, scene.name, f"{error:.0e}", *_choice(fmu, scene, ours, error)]
+                [scene.task, scene.name, f"{error:.0e}", *_choice(fmu, scene, ours, error)]
                 + [cell for names in groups.values() for cell in _against(fmu, scene, ours, names, error)]
             )
     note = (
