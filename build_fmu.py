@@ -52,6 +52,7 @@ REFERENCE_RESULTS = (
 )  # laid out as in the FMU; made by validation/reference_results.py
 ICON = DOCUMENTATION / "model.png"
 CONDUCT = ROOT / "tests" / "conduct.json"
+README = ROOT / "README.md"
 PURPOSE = (
     f"Build dist/{DEFAULT_OUTPUT.name}, dist/{NATIVE_OUTPUT.name}, or a release of both: "
     "the same sources, the same bytes."
@@ -73,7 +74,7 @@ CROSS_CHECK_README = """\
 Cross-check files of {fmu} {version}: its default parameters under a torque that changes at every second, held against
 the exact motion. Error at most {bounds[phi]:g} rad in phi, {bounds[w]:g} rad/s in w: {reason}.
 """
-# Of the project, under the same names in a release.
+# Of the project, those that it has, under the same names in a release.
 DOCUMENTS = ("CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "validation/error_against_run_time.png")
 
 
@@ -115,7 +116,7 @@ def build_native(
     Raises
     ------
     BuildError : the result does not pass the validation; nothing is left at `output`
-    native.CompilerError : there is no C compiler
+    native.CompilerError, native.ModelFileError : there is no C compiler, or not the one C file of the model
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -211,19 +212,22 @@ def stage(sources: Path, folder: Path) -> Path:
 def build_release(folder: Path) -> Path:
     """Write both FMUs and what their users test with into `folder`, which is new or empty, and return it.
 
+    Documents, conduct and reference results that the project does not have are left out.
+
     Raises
     ------
-    BuildError, native.CompilationError : as of the builds; nothing is left in `folder`
+    BuildError, native.CompilationError, native.ModelFileError : as of the builds; nothing is left in `folder`
     """
     with tempfile.TemporaryDirectory() as name:
         packed = Path(name, "release")
         fmus = build(packed / DEFAULT_OUTPUT.name), build_native(packed / NATIVE_OUTPUT.name)
-        files = {name: (ROOT / name).read_bytes() for name in DOCUMENTS}
-        files["conduct.json"] = CONDUCT.read_bytes()
+        own = {name: ROOT / name for name in DOCUMENTS} | {"conduct.json": CONDUCT}
+        files = {name: path.read_bytes() for name, path in own.items() if path.exists()}
         for source, content in files_below(REFERENCE_RESULTS).items():
             files[f"reference_results/{Path(source).name}"] = content
-        for fmu in fmus:
-            files |= cross_check(fmu.stem)
+        if REFERENCE_RESULTS.exists():
+            for fmu in fmus:
+                files |= cross_check(fmu.stem)
         for target, content in files.items():
             (packed / target).parent.mkdir(parents=True, exist_ok=True)
             (packed / target).write_bytes(content)
@@ -399,7 +403,10 @@ def write_documentation(folder: Path, carrier: str) -> None:
     shutil.copyfile(ROOT / "LICENSE", licenses / "license.txt")
 
     shutil.copyfile(DOCUMENTATION / carrier / "third_party.txt", licenses / "third_party.txt")
-    shutil.copyfile(DOCUMENTATION / carrier / "externalDependencies.txt", folder / "externalDependencies.txt")
+    needs = (DOCUMENTATION / carrier / "externalDependencies.txt").read_text("utf-8")
+    (folder / "externalDependencies.txt").write_text(
+        needs.replace("@MODEL_NAME@", native.MODEL_NAME), "utf-8", newline="\n"
+    )
     page = (DOCUMENTATION / "index.html").read_text("utf-8")
     page = re.sub(
         r"<!-- only (\w+) -->\n(.*?)<!-- end -->\n",
@@ -466,8 +473,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"--release {options.release}: must be a new or an empty directory")
         return report(parser, "--release", options.release, build_release)
     if options.readme:
-        readme = ROOT / "README.md"
-        readme.write_text(readme_with_tables(readme.read_text("utf-8")), "utf-8", newline="\n")
+        try:
+            text = README.read_text("utf-8")
+        except OSError as error:
+            parser.error(f"--readme: {error.strerror} ({error.filename})")
+        README.write_text(readme_with_tables(text), "utf-8", newline="\n")
         return 0
     output = options.output or (NATIVE_OUTPUT if options.native else DEFAULT_OUTPUT)
     if output.suffix != ".fmu" or output.is_dir():
@@ -482,7 +492,7 @@ def report(parser: Parser, option: str, output: Path, build_to: Callable[[Path],
     except (BuildError, native.CompilationError) as error:
         print(f"build_fmu.py: nothing was written:\n{error}", file=sys.stderr)
         return 1
-    except native.CompilerError as error:
+    except (native.CompilerError, native.ModelFileError) as error:
         parser.error(f"--native: {error}")
     except OSError as error:
         parser.error(f"{option} {output}: {error.strerror} ({error.filename})")

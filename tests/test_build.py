@@ -154,6 +154,7 @@ def test_a_release_has_both_fmus_and_what_their_users_test_with(release: Path) -
         "reference_results/experiments.json",
         "reference_results/fmi-ls-ref.txt",
         "reference_results/large_swing.ssv",
+        "validation/error_against_run_time.png",
     } <= files(release)
     binaries = {
         name.split("/")[1]

@@ -26,6 +26,9 @@ def test_the_fmu_is_valid_and_all_its_own(fmu: Fmu) -> None:
     page = (fmu.folder / "documentation" / "index.html").read_text("utf-8")
     assert "Hardening of the spring" in page
     assert "<!--" not in page
+    needs = (fmu.folder / "documentation" / "externalDependencies.txt").read_text("utf-8")
+    assert ("the prefix HardeningSpringNative_" in " ".join(needs.split())) == fmu.native
+    assert "Pendulum" not in needs
     assert (fmu.folder / "model.png").read_bytes() == (
         SECOND_MODEL / "documentation" / "model.png"
     ).read_bytes()

@@ -44,8 +44,6 @@ SHELL = (
     "simulation.h",
     "fmi2.c",
 )
-# The one file that knows the model, see model.h.
-(MODEL_FILE,) = {path.name for path in FOLDER.glob("*.c")} - {*SOURCES, *SHELL}
 MAX_INPUT_ORDER = 3  # of the derivatives of the input; with them every method has the order 4, or its own
 MAX_OUTPUT_ORDER = 1  # of the derivatives that fmi2GetRealOutputDerivatives knows
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -65,6 +63,10 @@ FLAGS = (
 
 class CompilerError(Exception):
     """There is no C compiler."""
+
+
+class ModelFileError(Exception):
+    """There is not the one C file that knows the model."""
 
 
 class CompilationError(Exception):
@@ -87,16 +89,40 @@ TARGETS = (
 )
 
 
+def model_file() -> str:
+    """Return the name of the one C file that knows the model, see model.h.
+
+    Raises
+    ------
+    ModelFileError : there is none, or more than one
+    """
+    names = sorted({path.name for path in FOLDER.glob("*.c")} - {*SOURCES, *SHELL})
+    if len(names) == 1:
+        return names[0]
+    place = "/".join(FOLDER.parts[-2:])
+    found = (
+        f"several C files of models in {place}: {', '.join(names)}"
+        if names
+        else f"no C file of the model in {place}"
+    )
+    raise ModelFileError(f"{found} (needed: one, by the contract in model.h)")
+
+
 def sources(guid: str) -> dict[str, bytes]:
-    """Return the C files by name, the generated one included."""
-    files = {name: (FOLDER / name).read_bytes() for name in (*SOURCES, *SHELL, MODEL_FILE)}
+    """Return the C files by name, the generated one included.
+
+    Raises
+    ------
+    ModelFileError : there is not the one of the model
+    """
+    files = {name: (FOLDER / name).read_bytes() for name in (*SOURCES, *SHELL, model_file())}
     return files | {"interface.h": header(guid).encode()}
 
 
 def header(guid: str) -> str:
     """Return interface.h: interface.h.in with the interface tables filled in."""
     marks = {
-        "MODEL_FILE": MODEL_FILE,
+        "MODEL_FILE": model_file(),
         "MODEL_NAME": MODEL_NAME,
         "GUID": guid,
         "STATE_FORMAT": INTERFACE.state_format(MODEL_NAME),
