@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import log2, nan, sqrt
+from math import floor, log2, log10, nan, sqrt
 from typing import TypeVar
 
 import numpy as np
@@ -48,6 +48,11 @@ def state_error(phi: Array, w: Array, exact: tuple[Array, Array], w0: float = W0
 def largest(values: Iterable[float]) -> float:
     """Return the largest of `values`, and NaN if one is NaN, which Python's max() can lose."""
     return float(np.max(np.fromiter(values, dtype=float)))
+
+
+def six_digits(value: float) -> float:
+    """Return the largest relative rounding of a positive `value` that is written with six digits."""
+    return 0.5 * 10.0 ** (floor(log10(value)) - 5) / value
 
 
 def observed_order(coarse: float, fine: float) -> float:

@@ -147,6 +147,7 @@ SCENES = (
     _gaussian("Gaussian pulse, overdamped k2 = 20/s", 20.0, 5.0, 0.5, 15.0),
     _gaussian("Gaussian pulse cut at its peak, k2 = 0.002/s", 0.002, 0.0, 1.0, 20.0, cut=True),
     _gaussian("Gaussian pulse cut on its rise, k2 = 1/s", 1.0, 0.5, 0.5, 15.0, cut=True),
+    _gaussian("Gaussian pulse cut on its rise, critically damped", 2 * W0, 0.5, 0.5, 15.0, cut=True),
 )
 
 

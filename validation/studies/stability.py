@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache, partial
-from math import factorial, floor, hypot, log, log10, nan, pi, sqrt
+from math import factorial, floor, hypot, log, nan, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import Check, Curve, Note, Plot, Result, Table, formula
 from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
-from ..metrics import NEXT, SAFETY, UNIT, Array, largest
+from ..metrics import NEXT, SAFETY, UNIT, Array, largest, six_digits
 from ..references.methods import METHODS, linear_radius
 from .scene import Case, Scene
 
@@ -105,7 +105,7 @@ class LimitScene(Scene):
             yield Check(
                 f"{name}: in the warning",
                 abs(warned / limit - 1),
-                (0.5 * 10.0 ** (floor(log10(limit)) - 5) + _last_digit(digits)) / limit,
+                six_digits(limit) + _last_digit(digits) / limit,
                 f"{digits} s; the message has six digits: half a unit of the last one",
             )
             rows.append((f"{k2:g}", f"{measured:.10g}", f"{warned:.6g}", f"{theory:.10g}"))
