@@ -226,7 +226,7 @@ def test_an_unstable_step_size_is_warned_of_with_one_that_is_not(
     assert warning.category == "logStatusWarning"
     assert warning.category in declared_categories(fmu)
     assert warning.text.startswith(
-        f"{fmu.plant.system}: solver.stepSize = {factor * limit!r} s is unstable: "
+        f"{fmu.plant.system}: substeps of solver.stepSize = {factor * limit!r} s would be unstable: "
     )
     found = re.search(r"use solver.stepSize = (\S+) s or less", warning.text)
     assert found is not None, warning.text

@@ -172,8 +172,8 @@ def test_an_unstable_step_size_is_a_warning(instance: Instance) -> None:
         Log(
             WARNING,
             "logStatusWarning",
-            "pendulum: solver.stepSize = 0.001 s is unstable: ExplicitEuler has no stable step size for this pendulum: "
-            "use solver.method = 3 (ExplicitRungeKutta4) with solver.stepSize = 0.90311 s or less",
+            "pendulum: substeps of solver.stepSize = 0.001 s would be unstable: "
+            "ExplicitEuler has no stable step size for this pendulum: use solver.method = 3 (ExplicitRungeKutta4) with solver.stepSize = 0.90311 s or less",
         )
     ]
 

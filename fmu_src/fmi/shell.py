@@ -377,7 +377,7 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         if variable.is_calculated:
             self.fail(f"{variable.name} is {_WITH_ARTICLE[variable.causality]}: it cannot be set")
         if self._mode == "terminated":
-            self.fail(f"{variable.name} cannot be set: the run has ended")
+            self.fail(f"{variable.name} cannot be set: the run has ended, reset the instance first")
         if self._mode == "stepping":
             self.fail(
                 f"{variable.name} is a fixed parameter: it can be set until initialization ends, not after"
@@ -385,7 +385,8 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
 
     def _require(self, mode: str, call: str) -> None:
         if self._mode != mode:
-            self.fail(f"{call} is allowed in mode {mode} only, the instance is in mode {self._mode}")
+            advice = ": reset the instance first" if MODES.index(self._mode) > MODES.index(mode) else ""
+            self.fail(f"{call} is allowed in mode {mode} only, the instance is in mode {self._mode}{advice}")
 
     def _check_step(self, current_time: float, step_size: float) -> None:
         """Refuse a step that cannot be made; one beyond the stop time by the rounding of the host's clock can.
@@ -393,7 +394,7 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         That clock may add up its steps, and FMPy takes what is within a relative 1e-9 for the stop time.
         """
         if self._mode != "stepping":
-            self.fail(f"no step in mode {self._mode}: initialize the instance first")
+            self.fail(f"no step in mode {self._mode}: {_BEFORE_STEPS[self._mode]}")
         if not 0.0 < step_size < inf:
             self.fail(
                 f"no step from t = {current_time!r} s: "
@@ -444,6 +445,13 @@ def is_count(value: object) -> bool:
     """Return whether `value` is a whole number from 0 to the largest fmi2Integer."""
     return type(value) is int and 0 <= value <= INTEGER_MAX
 
+
+# Mode -> what to do for a step to be possible.
+_BEFORE_STEPS = {
+    "instantiated": "initialize the instance first",
+    "initialization": "call fmi2ExitInitializationMode first",
+    "terminated": "reset the instance first",
+}
 
 _WITH_ARTICLE = {"output": "an output", "local": "a local variable"}
 

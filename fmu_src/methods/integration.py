@@ -45,10 +45,10 @@ class Integration:
         self._solve: Solver
 
     def warning(self) -> str | None:
-        """Return what is wrong with an unstable step size and how to mend it, None where nothing is."""
+        """Return how to mend an unstable step size, None where it is none; shorter communication steps mend it, too."""
         if self.max_step <= self.limit:
             return None
-        return f"solver.stepSize = {self.max_step!r} s is unstable: {self._advice(self.max_step)}"
+        return f"substeps of solver.stepSize = {self.max_step!r} s would be unstable: {self._advice(self.max_step)}"
 
     def hold(self, motion: Motion) -> None:
         """Take `motion`, with its drive, for the steps to come."""

@@ -28,6 +28,13 @@ typedef enum { INSTANTIATED, INITIALIZATION, STEPPING, TERMINATED } Mode;
 static const char *const MODE_NAMES[] = {"instantiated", "initialization", "stepping", "terminated"};
 static const char *const TYPE_NAMES[] = {"Real", "Integer", "Boolean", "String"};
 
+/* What to do for a step to be possible. */
+static const char *const BEFORE_STEPS[] = {
+    [INSTANTIATED] = "initialize the instance first",
+    [INITIALIZATION] = "call fmi2ExitInitializationMode first",
+    [TERMINATED] = "reset the instance first",
+};
+
 /* Of messages, by their status. */
 static const char *const CATEGORIES[] = {
     [fmi2Warning] = "logStatusWarning",
@@ -81,8 +88,8 @@ static fmi2Status tell(Instance *self, fmi2Status status, const char *format, ..
 static fmi2Status check_mode(Instance *self, Mode mode, const char *call) {
     if (self == NULL) return fmi2Error;
     if (self->state.mode == (int64_t)mode) return fmi2OK;
-    return tell(self, fmi2Error, "%s is allowed in mode %s only, the instance is in mode %s", call, MODE_NAMES[mode],
-                MODE_NAMES[self->state.mode]);
+    return tell(self, fmi2Error, "%s is allowed in mode %s only, the instance is in mode %s%s", call, MODE_NAMES[mode],
+                MODE_NAMES[self->state.mode], self->state.mode > (int64_t)mode ? ": reset the instance first" : "");
 }
 
 /* Check the arguments of a call for `count` values, which are not looked at where there are none. */
@@ -100,7 +107,7 @@ static fmi2Status check_settable(Instance *self, fmi2ValueReference reference) {
         return tell(self, fmi2Error, "%s is %s: it cannot be set", variable->name,
                     variable->causality == OUTPUT ? "an output" : "a local variable");
     if (self->state.mode == TERMINATED)
-        return tell(self, fmi2Error, "%s cannot be set: the run has ended", variable->name);
+        return tell(self, fmi2Error, "%s cannot be set: the run has ended, reset the instance first", variable->name);
     if (self->state.mode == STEPPING && variable->causality == PARAMETER)
         return tell(self, fmi2Error, "%s is a fixed parameter: it can be set until initialization ends, not after",
                     variable->name);
@@ -539,7 +546,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     State *state = &self->state;
     const double end = time + step;
     if (state->mode != STEPPING)
-        return tell(self, fmi2Error, "no step in mode %s: initialize the instance first", MODE_NAMES[state->mode]);
+        return tell(self, fmi2Error, "no step in mode %s: %s", MODE_NAMES[state->mode], BEFORE_STEPS[state->mode]);
     if (!(0.0 < step && step < INFINITY))
         return tell(self, fmi2Error, "no step from t = %s s: communicationStepSize = %s s (allowed: > 0 and finite)",
                     repr(time).text, repr(step).text);

@@ -335,7 +335,7 @@ static void append_advice(Text *text, const Motion *p, double h) {
 static bool is_unstable(const Motion *p, double h, Text *text) {
     if (h <= stability_limit(p)) return false;
     clear(text);
-    append(text, "solver.stepSize = %s s is unstable: ", repr(h).text);
+    append(text, "substeps of solver.stepSize = %s s would be unstable: ", repr(h).text);
     append_advice(text, p, h);
     return true;
 }
