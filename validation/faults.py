@@ -105,6 +105,7 @@ FAULTS = (
     Fault("outputs x (1 + 1e-6)", gives=outputs(lambda x: x * (1 + 1e-6), *OUTPUTS)),
     Fault("one step dropped", gives=outputs(dropped, *OUTPUTS)),
     Fault("messages lost", gives=lambda run: replace(run, failure="", warnings=())),
+    Fault("an evaluation more", gives=lambda run: replace(run, nfev=run.nfev + 1)),
     *(Fault(f"NaN in {name}", gives=outputs(lambda x: nan * x, name)) for name in OUTPUTS),
 )
 
