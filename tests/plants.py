@@ -69,7 +69,7 @@ class Plant:
     def pull(self, w02: float) -> dict[str, float]:
         """Return start values with which der(v) is input - drag*v - w02*x while x is small."""
         if not self.can_pull(w02):
-            pytest.skip(f"x cannot be pulled back with -{w02!r}*x in this model")
+            pytest.skip(f"no parameter of this model pulls x back with w02 = {w02!r}")
         return {**self.plain, **({} if self.stiffness is None else {self.stiffness: w02})}
 
     def unit(self, name: str) -> str:
