@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, settings
 import build_fmu
 from native.build import CompilerError, host_binary
 from tests.driver import Fmu, Instance
-from tests.plants import PENDULUM, PLANTS, SECOND_MODEL, SPRING, Plant
+from tests.plants import PENDULUM, PLANTS, SPRING, Plant
 
 # Both are clocks: how long an example takes says how busy the machine is.
 settings.register_profile("no clock", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -27,7 +27,7 @@ MODELS = {
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run the tests of conduct on both carriers of both models, and those of one model on both of its carriers."""
+    """Run the tests of conduct on both carriers of all models, and those of one model on both of its carriers."""
     module = metafunc.module.__name__.rpartition(".")[2]
     models = next((models for prefix, models in MODELS.items() if module.startswith(prefix)), ())
     choices = {"model": models, "carrier": CARRIERS}
@@ -35,6 +35,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         choices["model"] = models[:1]
     if metafunc.definition.get_closest_marker("pythonfmu_only") is not None:
         choices["carrier"] = CARRIERS[:1]
+    if metafunc.definition.get_closest_marker("native_only") is not None:
+        choices["carrier"] = CARRIERS[1:]
     names = [name for name in choices if name in metafunc.fixturenames]
     if models and names:
         metafunc.parametrize(
@@ -67,11 +69,11 @@ class Builds:
     def path(self, model: str, carrier: str) -> Path:
         key = (model, carrier)
         if key not in self.paths:
-            build = self.pendulum if model == PENDULUM.name else self.second_model
-            self.paths[key] = build(f"{model}{'Native' * (carrier == 'native')}.fmu", carrier)
+            build = self.pendulum if model == PENDULUM.name else self.copy
+            self.paths[key] = build(PLANTS[model], f"{model}{'Native' * (carrier == 'native')}.fmu", carrier)
         return self.paths[key]
 
-    def pendulum(self, name: str, carrier: str) -> Path:
+    def pendulum(self, _: Plant, name: str, carrier: str) -> Path:
         path = self.folder / "dist" / name
         if carrier == "pythonfmu":
             return build_fmu.build(path)
@@ -80,11 +82,11 @@ class Builds:
         except CompilerError as error:
             pytest.skip(str(error))
 
-    def second_model(self, name: str, carrier: str) -> Path:
+    def copy(self, plant: Plant, name: str, carrier: str) -> Path:
         """Build as README tells to make a FMU of one's own."""
-        project = self.folder / "project"
+        project = self.folder / plant.name
         if not project.exists():
-            copy_of_the_template(project)
+            copy_of_the_template(project, plant)
         options = ["--native"] * (carrier == "native")
         done = subprocess.run(
             [sys.executable, "build_fmu.py", *options],
@@ -99,14 +101,15 @@ class Builds:
         return project / "dist" / name
 
 
-def copy_of_the_template(project: Path) -> None:
-    """Copy what README's recipe copies, and put the second model in the place of the pendulum."""
+def copy_of_the_template(project: Path, plant: Plant) -> None:
+    """Copy what README's recipe copies, and put `plant` in the place of the pendulum."""
     project.mkdir()
     for name in ("build_fmu.py", "LICENSE"):
         shutil.copy(build_fmu.ROOT / name, project)
     ignored = shutil.ignore_patterns("__pycache__", "damped_pendulum", "pendulum.c", "reference_results")
     shutil.copytree(build_fmu.SOURCES, project / "fmu_src", ignore=ignored)
-    shutil.copytree(SECOND_MODEL, project / "fmu_src", dirs_exist_ok=True)
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(plant.folder, project / "fmu_src", ignore=ignored, dirs_exist_ok=True)
 
 
 @pytest.fixture(scope="session")

@@ -27,11 +27,10 @@ import pytest
 from fmpy import read_model_description, simulate_fmu
 
 from tests.driver import OK, Fmu, Instance, collect, is_error, plant_of
-from tests.plants import SECOND_MODEL
 from tests.walk import Walk
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = (ROOT, ROOT / "fmu_src", SECOND_MODEL)
+PACKAGES = (ROOT, ROOT / "fmu_src")
 TIMES = 30
 CLOCK = [0.01 * k for k in range(1001)]  # of the default experiment
 HANGING = 3600.0  # a process that is not through by then [s] hangs; the longest takes seconds

@@ -9,6 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / "fmu_src"
+TESTS = ROOT / "tests"
 # Module -> what it may import: modules of its package, other packages.
 ALLOWED = {
     "damped_pendulum.model": {"methods.motion"},
@@ -74,6 +75,11 @@ SHELL = sorted(
 @pytest.mark.parametrize("path", SHELL, ids=lambda path: path.name)
 def test_what_knows_fmi_knows_no_pendulum(path: Path) -> None:
     assert not re.findall(r"(?i)pendulum|phi|\btau\b", path.read_text("utf-8"))
+
+
+@pytest.mark.parametrize("path", sorted(TESTS.glob("test_conduct_*.py")), ids=lambda path: path.name)
+def test_what_conduct_must_know_of_a_model_stands_in_the_table_of_plants(path: Path) -> None:
+    assert not re.findall(r"SPRING|PENDULUM\.name", path.read_text("utf-8"))
 
 
 # C file and its header -> what they may include of ours.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from itertools import accumulate, pairwise, repeat
-from math import hypot, sqrt, ulp
+from math import hypot, ulp
 from pathlib import Path
 from random import Random
 from sys import float_info
@@ -15,7 +15,7 @@ from fmpy import simulate_fmu
 
 from methods.solvers import METHODS, SolverMethod, substeps
 from tests.driver import OK, Fmu
-from tests.plants import PENDULUM, SPRING, Plant
+from tests.plants import Plant
 from tests.twin import Twin
 
 STARTS = (0.0, 1e6, -1e6, -3.0)
@@ -109,20 +109,13 @@ def test_a_tiny_step_is_one_substep(fmu: Fmu, duration: float, start: float) -> 
         assert abs(instance.get(fmu.plant.x)[0] - before) <= 30.0 * duration + 3 * ulp(1.0)
 
 
-# The motion of the comparisons below: large swings, damped enough for explicit Euler to be stable.
+# The motion of the comparisons below, that of `plant.fastest`: damped enough for explicit Euler to be stable.
 def scene(plant: Plant) -> dict[str, float]:
-    return {plant.drag: 0.5, plant.x_start: 1.0, plant.v_start: 0.5, plant.input: 0.7}
+    return {plant.mass: 1.0, plant.drag: 0.5, plant.x_start: 1.0, plant.v_start: 0.5, plant.input: 0.7}
 
 
 END = 3.0
 H = 0.02
-# Of each model what the motion of the scene stays below: the square root of the slope of -a(x) [1/s], and |v|.
-FASTEST = {
-    # 0.5*w^2 <= 0.5*w_start^2 + 2*w02 + tau*6 by the energy, for swings below 6 rad; w02 = 9.80665
-    PENDULUM.name: (sqrt(9.80665), 7.0),
-    # Drag aside, v^2/2 + 5*x^2 + 1.25*x^4 - 0.7*x is 5.675: |x| < 1.1 and v^2/2 < 5.7; the slope is 10 + 15*x^2.
-    SPRING.name: (sqrt(28.2), 4.0),
-}
 
 
 def random_cuts(end: float) -> list[float]:
@@ -156,7 +149,7 @@ def discretization_error(plant: Plant, method: SolverMethod) -> float:
     the fraction 1 - 2^-p. x and v are taken together, because the error of one can pass through zero.
     """
     (x, v), (x2, v2) = end_of(plant, method, H), end_of(plant, method, H / 2)
-    w0, _ = FASTEST[plant.name]
+    w0, _ = plant.fastest
     return hypot(x - x2, (v - v2) / w0) / (1.0 - 0.5 ** METHODS[method].order)
 
 
@@ -166,7 +159,7 @@ def rounding_error(plant: Plant, substeps: float, start: float = 0.0, end: float
     Each substep adds a few units in the last place, 4*eps, to x and v; each of these grows at most like the drift of
     the phase, 1 + w0*T. The clock of the host resolves ulp(start), in which x moves by |v|*ulp.
     """
-    w0, v = FASTEST[plant.name]
+    w0, v = plant.fastest
     return 4.0 * float_info.epsilon * substeps * (1.0 + w0 * end) + v * ulp(abs(start) + end)
 
 

@@ -27,7 +27,7 @@ def with_evaluations(fmu: Fmu, data: bytes, old: int, new: int) -> bytes:
 
 @pytest.mark.parametrize("missing", range(10))
 def test_the_count_of_evaluations_stays_at_the_largest_that_can_be_read(fmu: Fmu, missing: int) -> None:
-    with fmu.running({"solver.stepSize": 0.01}) as instance:
+    with fmu.running({fmu.plant.v_start: 0.5, "solver.stepSize": 0.01}) as instance:
         for k in range(7):
             assert instance.step(0.01 * k, 0.01) == OK
         state = instance.save()

@@ -28,7 +28,7 @@ def bits(*values: float) -> bytes:
 
 def drifting(plant: Plant) -> dict[str, float]:
     """Return start values of a motion that no step is too long for."""
-    return {"solver.stepSize": 1e4, plant.drag: 0.0} | plant.pull(0.0)
+    return plant.pull(0.0) | {"solver.stepSize": 1e4, plant.drag: 0.0}
 
 
 def setup(instance: Instance, start: float, stop: float | None) -> int:
@@ -308,8 +308,8 @@ def special_starts(plant: Plant) -> Iterator[dict[str, float]]:
     names = (plant.x_start, plant.v_start, plant.input, plant.drag)
     for values in product(ZEROS, ZEROS, ZEROS, (0.0, -0.0, 0.5)):
         for w02 in (0.0, -0.0, 9.81, -9.81):
-            if plant.variables[plant.stiffness].allows(w02):
-                yield dict(zip(names, values, strict=True)) | plant.pull(w02)
+            if plant.can_pull(w02):
+                yield plant.pull(w02) | dict(zip(names, values, strict=True))
 
 
 def test_zeros_have_the_same_sign_on_both_carriers(carriers: list[Fmu], plant: Plant) -> None:

@@ -11,10 +11,9 @@ import pytest
 
 from methods.solvers import SolverMethod
 from tests.driver import OK, WARNING, Fmu, is_error
-from tests.plants import PENDULUM, SPRING, Plant
+from tests.plants import LARGEST, SMALLEST, Plant
 from tests.twin import Twin
 
-SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # positive doubles
 METHODS = f"1..{len(SolverMethod)}"
 # Of each range its first and last values, their neighbours outside, and other values that are wrong.
 ENDS: dict[str, tuple[float, ...]] = {
@@ -80,23 +79,8 @@ def test_all_bad_parameters_are_in_one_message(fmu: Fmu) -> None:
         assert names(told[0], name, fmu.plant.unit(name), allowed, value)
 
 
-OUT_OF_RANGE = {
-    PENDULUM.name: (
-        ({"m": 1e-200, "L": 1e-100}, "J = m*L^2 = 0"),
-        ({"m": 1e200, "L": 1e100}, "J = m*L^2 = inf"),
-        ({"m": 1e-200, "gamma": 1e200}, "gamma/m = inf 1/s"),
-        ({"L": 1e-150, "m": 1e10, "g": 1e200}, "g/L = inf 1/s2"),
-    ),
-    SPRING.name: (
-        ({"m": 1e-200, "c": 1e200}, "c/m = inf 1/s"),
-        ({"m": 1e-200, "k": 1e200}, "k/m = inf 1/s2"),
-        ({"m": 1e-200, "k3": 1e200}, "k3/m = inf 1/(m2.s2)"),
-    ),
-}
-
-
 def test_parameters_that_cannot_be_computed_with_are_refused(fmu: Fmu) -> None:
-    for start, told in OUT_OF_RANGE[fmu.plant.name]:
+    for start, told in fmu.plant.out_of_range:
         with fmu.instance() as instance:
             assert is_error(instance.initialize(start))
             assert told in instance.errors[0]
@@ -120,20 +104,11 @@ def test_what_is_allowed_is_accepted_and_makes_its_steps(
         assert instance.step(0.0, 0.01) == OK
 
 
-# What other parameters must be for the model to have a motion.
-OTHERS = {
-    (PENDULUM.name, "m", SMALLEST): {"gamma": 0.0},
-    (PENDULUM.name, "L", SMALLEST): None,  # it never has: J = m*L^2 is 0
-    (PENDULUM.name, "L", LARGEST): {"m": SMALLEST, "gamma": 0.0},
-    (SPRING.name, "m", SMALLEST): {"c": 0.0, "k": 0.0, "k3": 0.0},
-}
-
-
 @each_range
 def test_the_first_and_the_last_value_of_a_range_are_accepted(fmu: Fmu, allowed: str) -> None:
     for name in (parameter.name for parameter in fmu.plant.with_range(allowed)):
         for value in ENDS[allowed]:
-            others = OTHERS.get((fmu.plant.name, name, value), {})
+            others = fmu.plant.others.get((name, value), {})
             if others is None:
                 continue
             with fmu.instance() as instance:
@@ -144,7 +119,7 @@ def test_the_first_and_the_last_value_of_a_range_are_accepted(fmu: Fmu, allowed:
 @pytest.mark.parametrize("drive", [-LARGEST, -SMALLEST, SMALLEST, LARGEST])
 def test_the_largest_and_the_smallest_drives_are_accepted(fmu: Fmu, drive: float) -> None:
     # Heavy enough for the rate to stay a double, and with a pull that cannot be more than the drive.
-    start = {fmu.plant.mass: 1e10, fmu.plant.input: drive} | fmu.plant.pull(1.0)
+    start = fmu.plant.pull(1.0) | {fmu.plant.mass: 1e10, fmu.plant.input: drive}
     with fmu.running(start) as instance:
         assert instance.step(0.0, 0.01) == OK
         assert instance.get(fmu.plant.input) == (drive,)

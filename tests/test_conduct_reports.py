@@ -34,13 +34,23 @@ FAULTS: dict[str, Callable[[Instance], int]] = {
     "input": lambda i: max(i.initialize(), i.set(i.fmu.plant.input, nan), i.step(0.0, 0.01)),
     "divergence": lambda i: max(
         i.initialize(
-            {i.fmu.plant.v_start: 1e308, i.fmu.plant.drag: 0.0, "solver.stepSize": 10.0}
-            | i.fmu.plant.pull(0.0)
+            i.fmu.plant.pull(0.0)
+            | {i.fmu.plant.v_start: 1e308, i.fmu.plant.drag: 0.0, "solver.stepSize": 10.0}
         ),
         i.step(0.0, 10.0),
     ),
     "state": lambda i: i.restore_bytes(b"nothing"),
 }
+
+
+def unstable(plant: Plant) -> dict[str, float]:
+    """Return start values with which the default step size is warned of, and the default run still has an end.
+
+    |1 - h*rate| is 1.001, so that what the drag ends grows to e^10 of itself in 10 s.
+    """
+    return {plant.mass: 1.0, plant.drag: 2001.0, "solver.method": SolverMethod.ExplicitEuler}
+
+
 each_fault = pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
 
 
@@ -105,7 +115,7 @@ def test_a_warning_is_told_whether_or_not_there_is_a_log(
     with fmu.instance("100%", logging=logging) as instance:
         for _ in range(2):
             instance.log.clear()
-            instance.start({"solver.method": SolverMethod.ExplicitEuler, fmu.plant.drag: 0.0})
+            instance.start(unstable(fmu.plant))
             told = [entry.text for entry in instance.warnings]
             lines = capfd.readouterr().err.splitlines()
             assert (len(told), len(lines)) == fmu.places(logging)
@@ -150,7 +160,8 @@ def test_fmpy_shows_the_reason(fmu: Fmu, capfd: pytest.CaptureFixture[str]) -> N
             str(fmu.path), start_values={fmu.plant.mass: -1.0}, debug_logging=True, logger=printLogMessage
         )
     captured = capfd.readouterr()
-    reason = f"{fmu.name}: cannot initialize: {fmu.plant.mass} = -1.0 kg (allowed: > 0)"
+    mass = fmu.plant.mass
+    reason = f"{fmu.name}: cannot initialize: {mass} = -1.0{fmu.plant.unit(mass)} (allowed: > 0)"
     assert (reason in captured.out, reason in captured.err) == fmu.places(logging=True)
 
 
@@ -159,12 +170,14 @@ each_option = pytest.mark.parametrize("options", [[], ["--debug-logging"]], ids=
 
 @each_option
 def test_fmpy_shows_a_warning_once(fmu: Fmu, options: list[str]) -> None:
-    done = fmpy_simulate(fmu, {"solver.method": SolverMethod.ExplicitEuler, fmu.plant.drag: 0.0}, options)
+    start = unstable(fmu.plant)
+    done = fmpy_simulate(fmu, start, options)
     assert done.returncode == 0
     (line,) = (done.stdout + done.stderr).splitlines()
     slave = fmu.plant.slave(instance_name=fmu.name)
-    slave.set_real([fmu.reference[fmu.plant.drag]], [0.0])
-    slave.set_integer([fmu.reference["solver.method"]], [SolverMethod.ExplicitEuler])
+    for name in (fmu.plant.mass, fmu.plant.drag):
+        slave.set_real([fmu.reference[name]], [start[name]])
+    slave.set_integer([fmu.reference["solver.method"]], [start["solver.method"]])
     assert line.removeprefix("[WARNING] ") == f"{fmu.name}: {slave.start()}"
     assert "would be unstable" in line
 
@@ -173,7 +186,8 @@ def test_fmpy_shows_a_warning_once(fmu: Fmu, options: list[str]) -> None:
 def test_fmpy_shows_an_error_once(fmu: Fmu, options: list[str]) -> None:
     done = fmpy_simulate(fmu, {fmu.plant.mass: -1.0}, options)
     assert done.returncode != 0
-    reason = f"{fmu.name}: cannot initialize: {fmu.plant.mass} = -1.0 kg (allowed: > 0)"
+    mass = fmu.plant.mass
+    reason = f"{fmu.name}: cannot initialize: {mass} = -1.0{fmu.plant.unit(mass)} (allowed: > 0)"
     assert (done.stdout + done.stderr).count(reason) == 1
 
 

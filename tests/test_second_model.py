@@ -11,7 +11,7 @@ from scipy.special import ellipj, ellipk
 
 from methods.solvers import METHODS, SolverMethod
 from tests.driver import OK, Fmu
-from tests.plants import SECOND_MODEL
+from tests.plants import SPRING
 
 RK4 = SolverMethod.ExplicitRungeKutta4
 
@@ -30,7 +30,7 @@ def test_the_fmu_is_valid_and_all_its_own(fmu: Fmu) -> None:
     assert ("the prefix HardeningSpringNative_" in " ".join(needs.split())) == fmu.native
     assert "Pendulum" not in needs
     assert (fmu.folder / "model.png").read_bytes() == (
-        SECOND_MODEL / "documentation" / "model.png"
+        SPRING.folder / "documentation" / "model.png"
     ).read_bytes()
     named = [path for path in fmu.folder.rglob("*pendulum*") if path.suffix != ".so"]
     assert named == []

@@ -10,12 +10,13 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import copy_of_the_template
+from tests.plants import SPRING
 from tests.toolchain import need_zig
 
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    copy_of_the_template(tmp_path / "project")
+    copy_of_the_template(tmp_path / "project", SPRING)
     return tmp_path / "project"
 
 
