@@ -173,7 +173,8 @@ def test_an_unstable_step_size_is_a_warning(instance: Instance) -> None:
             WARNING,
             "logStatusWarning",
             "pendulum: substeps of solver.stepSize = 0.001 s would be unstable: "
-            "ExplicitEuler has no stable step size for this pendulum: use solver.method = 3 (ExplicitRungeKutta4) with solver.stepSize = 0.90311 s or less",
+            "ExplicitEuler has no stable step size for this pendulum: "
+            "use solver.method = 3 (ExplicitRungeKutta4) with solver.stepSize = 0.90311 s or less",
         )
     ]
 
