@@ -373,7 +373,7 @@ def _overdamped(fmu: Fmu) -> Iterator[Result]:
                 told = [
                     text
                     for text in failed.warnings
-                    if "is unstable" in text and "use solver.stepSize" in text
+                    if "would be unstable" in text and "use solver.stepSize" in text
                 ]
                 yield Check(
                     f"gamma/m = {k2:g}/s, RK4: warnings at initialization with the step to use, less 1",
