@@ -15,7 +15,7 @@ from native import build as native
 from tests.plants import PENDULUM, PLANTS, SPRING, Plant
 from tests.toolchain import COMPILER, COMPILERS, HERE, need, needs_compiler, on_linux, output_of, symbols
 
-CALLS = 2_000_000  # of a seed of the random calls: a minute and more of them in all
+CALLS = 1_500_000  # of a seed of the random calls: about a minute of them in all
 
 
 def standard_headers(folder: Path) -> Path:
