@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from validation.fmu import Fmu
+from validation.fmu import DEFAULT_PATH, NATIVE_NAME, Fmu
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -32,7 +32,7 @@ def fmu(request: pytest.FixtureRequest, folder: Path) -> Iterator[Fmu]:
     path = request.param
     if not isinstance(path, Path):
         native = request.param == "native"
-        path = folder / ("DampedPendulumNative.fmu" if native else "DampedPendulum.fmu")
+        path = folder / (NATIVE_NAME if native else DEFAULT_PATH.name)
         command = [sys.executable, str(ROOT / "build_fmu.py"), "--output", str(path), *["--native"] * native]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if native and done.returncode == 2:

@@ -22,7 +22,7 @@ import numpy as np
 
 from . import studies
 from .checks import About, Check, Result, Table, formula
-from .fmu import Experiment, Fmu, G, Run
+from .fmu import NATIVE_NAME, Experiment, Fmu, G, Run
 from .interrupts import deaf
 from .metrics import Array
 
@@ -262,7 +262,7 @@ def study(names: Sequence[str], path: Path) -> Iterator[studies.Study]:
     The faults are put before the FMU at `path`, or before the native one that lies beside it, which is faster: they are
     outside of both. Each core has an FMU of its own.
     """
-    native = path.with_name("DampedPendulumNative.fmu")
+    native = path.with_name(NATIVE_NAME)
     found: dict[str, Counter[str]] = {}
     loaded = [studies.load(name) for name in names]
     with (

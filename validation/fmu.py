@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from .races import clock
 
 DEFAULT_PATH = Path(__file__).resolve().parent.parent / "dist" / "DampedPendulum.fmu"
+NATIVE_NAME = "DampedPendulumNative.fmu"  # of the native FMU of the same model, which may lie beside it
 
 
 class SolverMethod(IntEnum):

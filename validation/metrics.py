@@ -45,6 +45,15 @@ def state_error(phi: Array, w: Array, exact: tuple[Array, Array], w0: float = W0
     return float(np.max(np.hypot(phi - exact[0], (w - exact[1]) / w0)))
 
 
+def growth(own: tuple[Array, Array], near: tuple[Array, Array], w0: float = 1.0) -> Array:
+    """Return by how much an error of any earlier time has grown at most, at each time of two neighbouring motions.
+
+    The ratio of their distance to the least one before; distances of states (phi, w/w0), so that none is 0.
+    """
+    distance = np.hypot(near[0] - own[0], (near[1] - own[1]) / w0)
+    return np.asarray(distance / np.minimum.accumulate(distance))
+
+
 def largest(values: Iterable[float]) -> float:
     """Return the largest of `values`, and NaN if one is NaN, which Python's max() can lose."""
     return float(np.max(np.fromiter(values, dtype=float)))

@@ -6,11 +6,11 @@ import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 
-from ..fmu import DEFAULT_PATH, Fmu, UnusableFmuError
+from ..fmu import DEFAULT_PATH, NATIVE_NAME, Fmu, UnusableFmuError
 from . import show
 from .machine import provenance
 
-PATHS = (DEFAULT_PATH, DEFAULT_PATH.with_name("DampedPendulumNative.fmu"))
+PATHS = (DEFAULT_PATH, DEFAULT_PATH.with_name(NATIVE_NAME))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

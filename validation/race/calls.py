@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import loops, races
 from ..checks import Curve, Note, Plot, Result, Table
-from ..fmu import W02, Experiment, Fmu, SolverMethod
+from ..fmu import DEFAULT_PATH, NATIVE_NAME, W02, Experiment, Fmu, SolverMethod
 from ..loops import Loop
 from ..races import clock
 from . import carriers, contest, show
@@ -45,7 +45,7 @@ def _carrier(native: bool) -> str:
 
 def _beside(fmu: Fmu) -> Path:
     """Return where the FMU that carries the same model otherwise lies, if it was built."""
-    return fmu.path.with_name("DampedPendulum.fmu" if fmu.native else "DampedPendulumNative.fmu")
+    return fmu.path.with_name(DEFAULT_PATH.name if fmu.native else NATIVE_NAME)
 
 
 @cache

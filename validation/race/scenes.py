@@ -13,11 +13,11 @@ import numpy as np
 
 from .. import references
 from ..fmu import W02, Experiment
+from ..metrics import SMALL
 from ..references import Array, taylor
 
 DECADES = tuple(10.0**-k for k in range(2, 13))
 COARSE = (1e-3, 1e-6, 1e-9, 1e-12)  # the errors of the table "which method for which task"
-SMALL = 1e-9  # what the linear scene is scaled by [rad]
 
 
 class Gaussian(NamedTuple):

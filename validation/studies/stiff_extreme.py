@@ -19,13 +19,14 @@ from ..metrics import (
     UNIT,
     Array,
     free_rounding,
+    growth,
     largest,
     six_digits,
     state_error,
     upward_crossing,
     walk,
 )
-from ..references import State, discrete, taylor
+from ..references import discrete, taylor
 from ..references.methods import METHODS, rk4_lag
 from .scene import Case
 
@@ -33,11 +34,7 @@ TITLE = "Stiff and extreme cases"
 FORMULA = "closed forms where they exist, Taylor series in 50 digits elsewhere; RK4's own error by its discrete motion"
 
 RK4 = SolverMethod.ExplicitRungeKutta4.name
-REAL_LIMITS = {  # h*lambda in [-limit, 0] is stable: |R(-limit)| = 1
-    SolverMethod.ExplicitEuler: 2.0,
-    SolverMethod.ExplicitMidPoint2: 2.0,
-    SolverMethod.ExplicitRungeKutta4: 2.7852935634052816,  # root of x^3 - 4*x^2 + 12*x - 24
-}
+EXPLICIT = (SolverMethod.ExplicitEuler, SolverMethod.ExplicitMidPoint2, SolverMethod.ExplicitRungeKutta4)
 DIVERGED = re.compile(
     r"diverged at t = (\S+) s: substep (\d+) of (\S+) s with (\w+) left the range of a double; the stability limit of "
     r"\4 for this pendulum is (\S+) s: use solver\.stepSize"
@@ -55,15 +52,6 @@ def undamped(**start: float) -> dict[str, float]:
 
 
 NEAR = 1e-9  # distance [rad] of two neighbouring motions
-
-
-def growth(own: State, near: State) -> Array:
-    """Return by how much an error of any earlier time has grown at most, at each time of two neighbouring motions.
-
-    The ratio of their distance to the least one before; distances of states, so that none is 0.
-    """
-    distance = np.hypot(near[0] - own[0], near[1] - own[1])
-    return np.asarray(distance / np.minimum.accumulate(distance))
 
 
 # Amplitudes from 1e-300 to pi
@@ -200,7 +188,7 @@ def _tiny_mass(fmu: Fmu) -> Iterator[Result]:
         "500 rad/s times the time less m/gamma = 0.5 ns, but for gravity, a relative w02/1e12 at most",
     )
     h = 1e-4
-    for method in REAL_LIMITS:
+    for method in EXPLICIT:
         divided = start | {"solver.method": method, "solver.stepSize": h}
         failed = fmu.run(Experiment(0.1, 0.1, divided, torque=lambda t: 1.0))
         name = f"m = 1e-12 kg under 1 N.m, {method.name}"
@@ -220,7 +208,7 @@ def _ends_in_error(
         4 * UNIT * expected,
         f"substep {expected} leaves the range of a double in the discrete motion; four roundings of the time",
     )
-    known = REAL_LIMITS[method] / references.real_roots(k2, W02)[0]
+    known = METHODS[method.name].real_limit / references.real_roots(k2, W02)[0]
     yield Check(
         f"{name}: the error names the stability limit",
         relative(float(limit), known),
@@ -363,7 +351,7 @@ def _overdamped(fmu: Fmu) -> Iterator[Result]:
             "rad",
         )
     for k2 in (1e4, 1e6, 1e9):
-        for method in REAL_LIMITS:
+        for method in EXPLICIT:
             failed = fmu.run(
                 Experiment(1.0, 1.0, {"gamma": k2, "phi_start": pi / 2, "solver.method": method})
             )

@@ -16,12 +16,12 @@ import numpy as np
 from .. import races
 from ..checks import Check, Note, Result, Table
 from ..fmu import EULER, METHOD_NAMES, MIDPOINT, RK4, W0, Fmu, SolverMethod
-from ..metrics import ORDER, SAFETY, SIGMAS, observed_order
+from ..metrics import ORDER, SAFETY, SIGMAS, SMALL, growth, observed_order
 from ..race import calls, carriers, contest, show
 from ..race.judging import GOALS, Goal, rivals
 from ..race.machine import provenance
 from ..race.rivals import HEYOKA, heyoka_to_the_end
-from ..race.scenes import CHAOS, DAMPED, EXTREME, GAUSSIAN, PULSE, SMALL, STIFF, TRAIN, UNDAMPED, exact
+from ..race.scenes import CHAOS, DAMPED, EXTREME, GAUSSIAN, PULSE, STIFF, TRAIN, UNDAMPED, exact
 from ..race.scenes import SCENES as RACED
 from ..race.scenes import Scene as RaceData
 from ..references.methods import METHODS
@@ -31,14 +31,6 @@ TITLE = "Error against work"
 FORMULA = (
     "error = |(phi, w/w0) - exact|; run times are those of the processor, medians of rounds that all share"
 )
-
-# Of stability, in units of 1/k2.
-REAL_LIMITS: Mapping[int, float] = {
-    EULER: 2.0,
-    MIDPOINT: 2.0,
-    RK4: 2.7852935634,
-    SolverMethod.TaylorSeries: 7.3243335628,
-}
 
 
 # Errors
@@ -106,23 +98,23 @@ class WorkScene(Scene):
         Each substep rounds the state once, to an ulp, whose standard deviation is 1/sqrt(12) of it, and the argument
         w0*t of the motion, the same way each time. What there is of both grows like any other error.
         """
-        size, growth = float(np.max(np.abs(exact(self.data)[0]))), _growth(self.data)
+        size, grown = float(np.max(np.abs(exact(self.data)[0]))), _growth(self.data)
         order = METHODS[METHOD_NAMES[method]].order
         truncation = reference.error * (finest.h / reference.h) ** order
         rounding = SIGMAS * sqrt(self.data.stop / finest.h) * ulp(size) / sqrt(12)
         phase = 2.0**-52 * W0 * self.data.stop * size
         reason = (
             f"{SAFETY} x h^{order} error {truncation:.1e} rad; {SIGMAS:g} sigma of rounding, {rounding:.1e} rad, and "
-            f"that of the phase, {phase:.1e} rad, grown {growth:.3g}-fold at most, as neighbouring exact motions do"
+            f"that of the phase, {phase:.1e} rad, grown {grown:.3g}-fold at most, as neighbouring exact motions do"
         )
-        bound = SAFETY * truncation + growth * (rounding + phase)
+        bound = SAFETY * truncation + grown * (rounding + phase)
         return Check(
             f"round-off floor of {METHOD_NAMES[method]}, {self.name}", finest.error, bound, reason, "rad"
         )
 
     def divergence(self, method: int, points: Sequence[Point]) -> Check:
         """Return the row that runs beyond the stability limit, and no others, fail or end with an error above 1."""
-        limit = REAL_LIMITS[method] / self.data.k2
+        limit = METHODS[METHOD_NAMES[method]].real_limit / self.data.k2
         right = sum(point.error > 1 if point.h > limit else point.error <= 1 for point in points)
         return Check(
             f"{METHOD_NAMES[method]} is lost beyond its limit, and only there; {self.name}",
@@ -135,9 +127,8 @@ class WorkScene(Scene):
 @cache
 def _growth(data: RaceData) -> float:
     """Return by how much an error grows at most, from two neighbouring exact motions."""
-    (phi, w), (near, near_w) = exact(data), exact(replace(data, phi0=data.phi0 + 1e-9))
-    distance = np.hypot(near - phi, (near_w - w) / W0)
-    return float(np.max(distance / np.minimum.accumulate(distance)))
+    near = exact(replace(data, phi0=data.phi0 + 1e-9))
+    return float(np.max(growth(exact(data), near, W0)))
 
 
 # Slopes are read where h is so small that the next term of the error expansion changes them by less than 0.1: the
