@@ -67,9 +67,7 @@ NAMESPACE = uuid.UUID("5f0c5b1e-5d5c-4f0e-9b0a-3d9d3c1a7e42")  # of the GUIDs of
 
 
 REFERENCES = REFERENCE_RESULTS / "extra" / "org.fmi-standard.fmi-ls-ref"
-CROSS_CHECK = (
-    "driven"  # the experiment with an input and the default parameters, which the cross-check asks for
-)
+CROSS_CHECK = "driven"  # with an input and the default parameters, as the cross-check asks
 CROSS_CHECK_README = """\
 Cross-check files of {fmu} {version}: its default parameters under a torque that changes at every second, held against
 the exact motion. Error at most {bounds[phi]:g} rad in phi, {bounds[w]:g} rad/s in w: {reason}.

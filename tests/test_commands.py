@@ -12,6 +12,7 @@ import pytest
 
 import build_fmu
 from tests.toolchain import on_linux
+from validation.command import INTERRUPTED, Parser
 from validation.fmu import Experiment, Fmu
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -46,6 +47,10 @@ def other_fmu(fmu_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["--fmu", "missing.fmu"], "missing.fmu does not exist: build it with python build_fmu.py"),
         (["--fmu", "LICENSE"], "LICENSE is not a readable FMU"),
         (["--output", "LICENSE"], "--output LICENSE: must be a directory"),
+        (
+            ["--picture", "missing/a.png"],
+            "--picture missing/a.png: must be a file in a directory that exists",
+        ),
         (["--speed", "3"], "--speed"),
     ],
 )
@@ -130,6 +135,36 @@ def test_a_study_runs_without_assertions_and_docstrings(fmu_path: Path, tmp_path
     )
     assert result.returncode == 0, result.stderr
     assert "rows about the FMU hold" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("module", "file", "arguments", "words"),
+    [
+        (
+            "validation",
+            "index.html",
+            ["errata", "--no-faults", "--no-plots", "--output"],
+            "the report cannot be",
+        ),
+        ("validation.quickstart", "a.png", ["--plot"], "--plot"),
+    ],
+)
+def test_what_cannot_be_written_is_one_line_and_status_2(
+    fmu_path: Path, tmp_path: Path, module: str, file: str, arguments: list[str], words: str
+) -> None:
+    (tmp_path / file).mkdir()
+    target = tmp_path if module == "validation" else tmp_path / file
+    result = command(module, "--fmu", fmu_path, *arguments, target)
+    assert result.returncode == 2
+    assert words in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_an_interrupt_of_a_command_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as exit, Parser(prog="command").interruptible():
+        signal.raise_signal(signal.SIGINT)
+    assert exit.value.code == INTERRUPTED
+    assert capsys.readouterr().err == "command: interrupted\n"
 
 
 def test_an_interrupt_within_a_long_step_is_one_of_the_program(fmu_path: Path) -> None:

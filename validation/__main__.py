@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NoReturn
 
 from . import faults, studies
 from .checks import Plot, Result
+from .command import Parser
 from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
-from .interrupts import INTERRUPTED
 from .report import figures, page, screen
 from .report.section import Section, summary
 
 LEADING = ("work_precision",)  # studies with a picture at the top of the report
-
-
-class Parser(argparse.ArgumentParser):
-    """Command line whose errors are one line and exit status 2."""
-
-    def error(self, message: str) -> NoReturn:
-        """Exit with `message`."""
-        one_line = "\\n".join(message.splitlines())  # names of files may be of several
-        self.exit(2, f"{self.prog}: {one_line}\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -62,26 +51,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
     drawable = find_spec("matplotlib") is not None
     if options.picture is not None and not drawable:
         parser.error("--picture needs matplotlib: pip install '.[report]'")
+    if options.picture is not None and not options.picture.parent.is_dir():
+        parser.error(f"--picture {options.picture}: must be a file in a directory that exists")
     pictures = not options.no_plots
     if pictures and not drawable:
         print("pictures are left out: they need matplotlib, pip install '.[report]'", file=sys.stderr)
         pictures = False
-    try:
-        with Fmu(options.fmu) as fmu, ExitStack() as stack:
-            loaded = [studies.load(name) for name in chosen]
-            if not options.no_faults:
-                loaded.append(stack.enter_context(faults.study(chosen, options.fmu)))
-            sections = list(run_studies(fmu, loaded))
-    except UnusableFmuError as error:
-        parser.error(str(error))
-    except KeyboardInterrupt:
-        parser.exit(INTERRUPTED, f"{parser.prog}: interrupted\n")
-    written = page.write(sections, options.output, options.fmu, pictures)
-    if options.picture is not None:
-        plots = (plot for section in sections for plot in section.of(Plot) if plot.headline)
-        options.picture.write_bytes(figures.png(next(plots)))
+    with parser.interruptible():
+        try:
+            with Fmu(options.fmu) as fmu:
+                sections = run(fmu, chosen, not options.no_faults)
+        except UnusableFmuError as error:
+            parser.error(str(error))
+        try:
+            written = page.write(sections, options.output, options.fmu, pictures)
+            if options.picture is not None:
+                plots = (plot for section in sections for plot in section.of(Plot) if plot.headline)
+                options.picture.write_bytes(figures.png(next(plots)))
+        except OSError as error:
+            parser.error(
+                f"the report cannot be written: {error.strerror} ({error.filename or options.output})"
+            )
     print(f"\n{summary(sections)}\nreport: {written}")
     return 0 if all(check.holds for section in sections for check in section.checks) else 1
+
+
+def run(fmu: Fmu, names: Sequence[str], with_faults: bool) -> list[Section]:
+    """Run the studies `names`, and that of the faults, and return them in this order."""
+    chosen = [studies.load(name) for name in names]
+    racing = [study for study in chosen if study.races]
+    others = [study for study in chosen if not study.races]
+    with ExitStack() as stack:
+        sections = list(run_studies(fmu, racing))  # while nothing else runs
+        if with_faults:
+            others.append(stack.enter_context(faults.study(names, fmu.path)))
+        sections += run_studies(fmu, others)
+    return sorted(sections, key=lambda section: [*names, faults.NAME].index(section.name))
 
 
 def run_studies(fmu: Fmu, chosen: Sequence[studies.Study]) -> Iterator[Section]:

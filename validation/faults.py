@@ -9,10 +9,10 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import pairwise, repeat
+from itertools import pairwise
 from math import nan
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -22,12 +22,13 @@ import numpy as np
 
 from . import studies
 from .checks import About, Check, Result, Table, formula
+from .command import cores, deaf
 from .fmu import NATIVE_NAME, Experiment, Fmu, G, Run
-from .interrupts import deaf
 from .metrics import Array
 
 DEFAULTS = {"m": 1.0, "L": 1.0, "gamma": 0.002, "g": G, "solver.stepSize": 1e-3}
 OUTPUTS = ("phi", "w", "a", "E")
+NAME = "faults"  # of the study
 ROWS = "(rows about the FMU)"  # beside the names of faults
 
 
@@ -185,26 +186,24 @@ def _rows(fmu: Fmu, scene: studies.Scene) -> dict[str, Check]:
 class Noticed:
     """A scene of the report: the faults put into all scenes of a study; `found` is what they did, by study."""
 
-    study: studies.Study
+    study: str
+    pending: Sequence[Future[Injected]]
     found: dict[str, Counter[str]]
-    pool: Executor
     slow: bool = True
 
     @property
     def name(self) -> str:
         """The name in the progress bar."""
-        return f"faults in {self.study.name}"
+        return f"faults in {self.study}"
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield how many rows are counted wrongly, and the faults that break each."""
         del fmu
-        with deaf():  # the processes of the pool begin here
-            done = self.pool.map(_inject_here, repeat(self.study.name), range(len(self.study.scenes)))
-        injections = list(done)
-        self.found[self.study.name] = Counter(
+        injections = [future.result() for future in self.pending]
+        self.found[self.study] = Counter(
             {fault.name: sum(len(injected.broken[fault.name]) for injected in injections) for fault in FAULTS}
         )
-        self.found[self.study.name][ROWS] = sum(len(injected.rows) for injected in injections)
+        self.found[self.study][ROWS] = sum(len(injected.rows) for injected in injections)
         unbroken = [row for injected in injections for row in injected.unbroken]
         moved = [row for injected in injections for row in injected.moved]
         for what, rows in (
@@ -212,13 +211,13 @@ class Noticed:
             ("rows about formulas that a fault moves", moved),
         ):
             yield formula(
-                f"{self.study.name}: {what}",
+                f"{self.study}: {what}",
                 len(rows),
                 0,
                 "; ".join(rows) or "a count; NaN alone breaks no row",
             )
         yield Table(
-            f"Faults that break each row of {self.study.name}",
+            f"Faults that break each row of {self.study}",
             ("row", "faults"),
             [
                 (row, ", ".join(fault for fault, rows in injected.broken.items() if row in rows))
@@ -257,28 +256,33 @@ class Overview:
 
 @contextmanager
 def study(names: Sequence[str], path: Path) -> Iterator[studies.Study]:
-    """Yield the study of what breaks the rows of the studies `names`, but for those about run times.
+    """Begin to put the faults into the studies `names`, and yield the study of what they break, but for run times.
 
     The faults are put before the FMU at `path`, or before the native one that lies beside it, which is faster: they are
-    outside of both. Each core has an FMU of its own.
+    outside of both. Each core has an FMU of its own, and works from the start: no race may be run beside.
     """
     native = path.with_name(NATIVE_NAME)
     found: dict[str, Counter[str]] = {}
-    loaded = [studies.load(name) for name in names]
     with (
         TemporaryDirectory() as folder,
         ProcessPoolExecutor(
+            cores(),
             mp_context=get_context("spawn"),
             initializer=_begin,
             initargs=(native if native.is_file() else path, folder),
         ) as pool,
     ):
         try:
+            with deaf():  # the processes of the pool begin here
+                pending = {
+                    name: [pool.submit(_inject_here, name, i) for i in range(len(studies.load(name).scenes))]
+                    for name in names
+                }
             yield studies.Study(
-                "faults",
+                NAME,
                 "What would notice a fault",
                 "a fault is put between the validation and the FMU; the rows that fail notice it",
-                (*(Noticed(one, found, pool) for one in loaded), Overview(found)),
+                (*(Noticed(name, futures, found) for name, futures in pending.items()), Overview(found)),
                 (),
             )
         except BaseException:

@@ -16,9 +16,8 @@ SAFETY = 1.5  # times a leading term whose next one is not computed
 NEXT = 2.0  # coefficient of a next term of which only the power is known
 SIGMAS = 4.0  # standard deviations that a random walk of roundings is given
 ORDER = 0.1  # deviation of an observed order from that in theory
-SMALL = (
-    1e-9  # amplitude [rad] of linear motion: the nonlinearity, a relative SMALL^2*w0*T/16, is below rounding
-)
+# Amplitude [rad] of linear motion: the nonlinearity, a relative SMALL^2*w0*T/16, is below rounding.
+SMALL = 1e-9
 
 UNIT = 2.0**-53  # the largest relative rounding
 ROUNDING = UNIT / sqrt(3)  # standard deviation of a relative rounding

@@ -13,8 +13,8 @@ import fmpy
 import numpy as np
 
 from . import references
-from .__main__ import Parser
 from .checks import Curve, Plot
+from .command import Parser
 from .fmu import DEFAULT_PATH, W02, Fmu, UnusableFmuError
 from .metrics import upward_crossings
 from .report import figures
@@ -44,17 +44,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"--plot {options.plot}: must be a file that ends in .png")
     if options.plot is not None and find_spec("matplotlib") is None:
         parser.error("--plot needs matplotlib: pip install '.[report]'")
-    try:
-        Fmu(options.fmu).close()
-    except UnusableFmuError as error:
-        parser.error(str(error))
-    default, undamped, impulse = (
-        fmpy.simulate_fmu(str(options.fmu), start_values=start)
-        for start in ({}, {"gamma": 0.0}, {"phi_start": 0.0, "w_start": IMPULSE_RATE})
-    )
-    report(default, undamped, impulse)
-    if options.plot is not None:
-        draw(default, impulse, options.plot)
+    with parser.interruptible():
+        try:
+            Fmu(options.fmu).close()
+        except UnusableFmuError as error:
+            parser.error(str(error))
+        default, undamped, impulse = (
+            fmpy.simulate_fmu(str(options.fmu), start_values=start)
+            for start in ({}, {"gamma": 0.0}, {"phi_start": 0.0, "w_start": IMPULSE_RATE})
+        )
+        report(default, undamped, impulse)
+        if options.plot is not None:
+            try:
+                draw(default, impulse, options.plot)
+            except OSError as error:
+                parser.error(f"--plot {options.plot}: {error.strerror}")
     return 0
 
 

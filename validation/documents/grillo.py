@@ -144,9 +144,8 @@ def _time_of_printed_peak(_: Fmu) -> float:
 
 
 def _bode_plot() -> Plot:
-    w = np.unique(
-        np.concatenate((np.geomspace(0.1, 30, 400), W0 + np.linspace(-20, 20, 201) * K2))
-    )  # the peak, too
+    peak = W0 + np.linspace(-20, 20, 201) * K2
+    w = np.unique(np.concatenate((np.geomspace(0.1, 30, 400), peak)))
     systems = (("right, [1, K2, W02]", SYSTEM, "-"), ("as printed, [-1, 1j*K2, W02]", PRINTED_SYSTEM, "--"))
     responses = [
         (label, signal.bode(signal.TransferFunction([1], system), w=w), line)

@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 import sys
-from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 
+from ..command import Parser
 from ..fmu import DEFAULT_PATH, NATIVE_NAME, Fmu, UnusableFmuError
 from . import show
 from .machine import provenance
 
+PURPOSE = 'Print the table "which method for which task" of README, as measured here and now.'
 PATHS = (DEFAULT_PATH, DEFAULT_PATH.with_name(NATIVE_NAME))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return 2 where an FMU is missing."""
-    ArgumentParser(prog="python -m validation.race", description=__doc__).parse_args(arguments)
+    """Run the command line."""
+    parser = Parser(prog="python -m validation.race", description=PURPOSE)
+    parser.parse_args(arguments)
     values = dict(provenance())
     print(
         f"Measured on {values['date'][:10]}: {values['CPU']}, Python {values['Python']}, SciPy {values['scipy']}."
     )
-    for path in PATHS:
-        try:
-            with Fmu(path) as fmu:
-                table = show.choice(fmu)
-        except UnusableFmuError as error:
-            print(error, file=sys.stderr)
-            return 2
-        print(f"\n`{path.name}`:\n")
-        print("\n".join(markdown([table.columns, ["---"] * len(table.columns), *table.rows])))
+    with parser.interruptible():
+        for path in PATHS:
+            try:
+                with Fmu(path) as fmu:
+                    table = show.choice(fmu)
+            except UnusableFmuError as error:
+                parser.error(str(error))
+            print(f"\n`{path.name}`:\n")
+            print("\n".join(markdown([table.columns, ["---"] * len(table.columns), *table.rows])))
     return 0
 
 

@@ -29,9 +29,8 @@ from ..references import Array
 from .compiler import NoCompilerError, shared_library
 from .scenes import Scene
 
-LONGEST_DRIVEN = (
-    0.25  # steps [s] under a drive: from rest the first ones are else so long that they miss the pulse
-)
+# Steps [s] under a drive: from rest the first ones are else so long that they miss the pulse.
+LONGEST_DRIVEN = 0.25
 LEAST_TOLERANCE = 3e-14  # what SciPy's Runge-Kutta methods accept, a relative 100 ulp
 SOURCE = Path(__file__).resolve().parent / "right_hand_side.c"
 

@@ -7,9 +7,9 @@ from math import atan2, ceil, copysign, cos, log, log1p, pi, sin, sqrt, tan
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import (
-    special,
-)  # a lone ufunc says not where it is from: who pickles this code would ask all modules
+
+# Not its functions: a lone ufunc says not where it is from, and who pickles this code would ask all modules.
+from scipy import special
 
 from .arrays import Array, State
 

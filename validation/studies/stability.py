@@ -72,9 +72,8 @@ ASYMPTOTIC = (
 )
 UNLIMITED = tuple(method for method in SolverMethod if METHODS[method.name].stable)
 RESOLUTION = 2.5e-11  # relative, of a bisection
-MAP = (
-    16 * UNIT
-)  # rounding of a small map: some ten of a substep, those of the start, the quotient and the eigenvalue
+# Rounding of a small map: some ten of a substep, those of the start, the quotient and the eigenvalue.
+MAP = 16 * UNIT
 WARNED = re.compile(r"stability limit of \w+ for this pendulum is ([-+.\de]+) s")
 
 

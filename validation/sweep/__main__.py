@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -15,9 +14,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Self
 
-from ..__main__ import Parser
+from ..command import INTERRUPTED, Parser, cores
 from ..fmu import DEFAULT_PATH, OUTPUTS, Fmu, UnusableFmuError, describe
-from ..interrupts import INTERRUPTED
 from ..report import screen
 from .errors import BrokenError, WrongUseError, reason, shown
 from .files import FORMATS, TRAJECTORIES, Store, locked
@@ -36,21 +34,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return 0 if every run has its row, 1 if the sweep broke off, 130 if it was interrupted."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    try:
-        plan = _plan(options)
-        _check(options)
-        with Interrupts() as interrupts, locked(options.output):
-            store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
-            with _executor(options, plan, interrupts) as done_by:
-                begin = perf_counter()
-                tally, ended_by = _sweep(plan, store, done_by, interrupts)
-                spent = perf_counter() - begin
-    except KeyboardInterrupt:
-        parser.exit(INTERRUPTED, f"{parser.prog}: interrupted\n")
-    except (WrongUseError, UnusableFmuError) as error:
-        parser.error(str(error))
-    except OSError as error:  # before or behind the runs: theirs is `ended_by`
-        parser.error(f"cannot use {error.filename or options.output}: {reason(error)}")
+    with parser.interruptible():
+        try:
+            plan = _plan(options)
+            _check(options)
+            with Interrupts() as interrupts, locked(options.output):
+                store = Store(options.output, columns(plan.common), plan.common.record, options.resume)
+                with _executor(options, plan, interrupts) as done_by:
+                    begin = perf_counter()
+                    tally, ended_by = _sweep(plan, store, done_by, interrupts)
+                    spent = perf_counter() - begin
+        except (WrongUseError, UnusableFmuError) as error:
+            parser.error(str(error))
+        except OSError as error:  # before or behind the runs: theirs is `ended_by`
+            parser.error(f"cannot use {error.filename or options.output}: {reason(error)}")
     if not isinstance(ended_by, OSError):
         print(f"{tally} in {spent:.1f} s: {shown(options.output)}")
     match ended_by:
@@ -104,19 +101,12 @@ def _parser() -> Parser:
     )
     parser.add_argument("--resume", action="store_true", help="keep the rows of FILE and run what it lacks")
     parser.add_argument(
-        "--jobs", type=int, default=_cores(), metavar="N", help="processes (default: cores, %(default)s here)"
+        "--jobs", type=int, default=cores(), metavar="N", help="processes (default: cores, %(default)s here)"
     )
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="run on the workers of this Dask scheduler instead"
     )
     return parser
-
-
-def _cores() -> int:
-    """Return how many cores this process may use: a batch system gives it some of the machine's."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _plan(options: argparse.Namespace) -> Plan:

@@ -25,8 +25,8 @@ import cloudpickle
 import dask
 from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, get_worker
 
+from ..command import deaf
 from ..fmu import Fmu
-from ..interrupts import deaf
 from .errors import BrokenError, WrongUseError, reason
 from .plan import Common, Values
 from .row import Row, Trajectory, empty, run
