@@ -47,9 +47,7 @@ DEFAULT_OUTPUT = ROOT / "dist" / f"{INTERFACE.model_name}.fmu"
 NATIVE_OUTPUT = ROOT / "dist" / f"{native.MODEL_NAME}.fmu"
 DESCRIPTION = "modelDescription.xml"
 DOCUMENTATION = SOURCES / "documentation"
-REFERENCE_RESULTS = (
-    SOURCES / "reference_results"
-)  # laid out as in the FMU; made by validation/reference_results.py
+REFERENCE_RESULTS = SOURCES / "reference_results"  # laid out as in the FMU
 ICON = DOCUMENTATION / "model.png"
 CONDUCT = ROOT / "tests" / "conduct.json"
 README = ROOT / "README.md"
@@ -64,7 +62,6 @@ from {package}.slave import {model}
 keep_alive(globals())  # pythonfmu 0.7 releases the names of this script once too often with every instance
 """
 NAMESPACE = uuid.UUID("5f0c5b1e-5d5c-4f0e-9b0a-3d9d3c1a7e42")  # of the GUIDs of this project
-
 
 REFERENCES = REFERENCE_RESULTS / "extra" / "org.fmi-standard.fmi-ls-ref"
 CROSS_CHECK = "driven"  # with an input and the default parameters, as the cross-check asks
@@ -399,7 +396,6 @@ def write_documentation(folder: Path, carrier: str) -> None:
     licenses = folder / "licenses"
     licenses.mkdir(parents=True)
     shutil.copyfile(ROOT / "LICENSE", licenses / "license.txt")
-
     shutil.copyfile(DOCUMENTATION / carrier / "third_party.txt", licenses / "third_party.txt")
     needs = (DOCUMENTATION / carrier / "externalDependencies.txt").read_text("utf-8")
     (folder / "externalDependencies.txt").write_text(

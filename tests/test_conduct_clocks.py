@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from itertools import accumulate, pairwise, repeat
 from math import hypot, ulp
@@ -19,6 +20,7 @@ from tests.plants import Plant
 from tests.twin import Twin
 
 STARTS = (0.0, 1e6, -1e6, -3.0)
+Points = Callable[[float, float, int], list[float]]  # start and interval [s], count
 
 
 def multiples(start: float, interval: float, count: int) -> list[float]:
@@ -55,10 +57,10 @@ each_way = pytest.mark.parametrize("points", [multiples, sums], ids=lambda point
 @each_start
 @each_way
 def test_the_fmu_takes_the_expected_number_of_substeps(
-    fmu: Fmu, interval: float, h: float, expected: int, start: float, points: object
+    fmu: Fmu, interval: float, h: float, expected: int, start: float, points: Points
 ) -> None:
     with fmu.running({"solver.stepSize": h}, time=start) as instance:
-        instance.run(points(start, interval, 20))  # type: ignore[operator]
+        instance.run(points(start, interval, 20))
         assert instance.get("solver.nfev") == (4 * 20 * expected,)
 
 
@@ -83,15 +85,15 @@ def test_a_step_that_is_over_the_rounding_of_its_times_takes_one_substep_more(
 @each_way
 @pytest.mark.parametrize(("h", "expected"), [(0.1, 1), (0.01, 10), (0.03, 4)])
 def test_a_million_steps_of_a_tenth_never_take_a_substep_too_many(
-    h: float, expected: int, points: object
+    h: float, expected: int, points: Points
 ) -> None:
-    clock = points(0.0, 0.1, 1_000_000)  # type: ignore[operator]
+    clock = points(0.0, 0.1, 1_000_000)
     assert {substeps(time, end - time, h) for time, end in pairwise(clock)} == {expected}
 
 
 @each_way
-def test_the_last_of_a_million_steps_of_a_tenth_are_one_substep_each(fmu: Fmu, points: object) -> None:
-    clock = points(0.0, 0.1, 1_000_000)[-5001:]  # type: ignore[operator]
+def test_the_last_of_a_million_steps_of_a_tenth_are_one_substep_each(fmu: Fmu, points: Points) -> None:
+    clock = points(0.0, 0.1, 1_000_000)[-5001:]
     with fmu.running({"solver.stepSize": 0.1}) as instance:
         instance.run(clock)
         assert instance.get("solver.nfev") == (4 * 5000,)

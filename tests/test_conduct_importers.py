@@ -88,9 +88,8 @@ def test_cofmupy_agrees_with_fmpy(fmu_path: Path, plant: Plant, cofmupy: Path) -
         [sys.executable, host, fmu_path, plant.x], env=os.environ | {"PYTHONPATH": str(cofmupy)}
     )
     (found,) = re.findall(rf"^{plant.x} (.*)$", printed, re.MULTILINE)
-    assert float(found) == pytest.approx(
-        default_end(fmu_path, plant), rel=0.0, abs=1e-12
-    )  # it adds up its steps
+    # It adds up its steps.
+    assert float(found) == pytest.approx(default_end(fmu_path, plant), rel=0.0, abs=1e-12)
 
 
 @pytest.fixture(scope="session")

@@ -88,9 +88,8 @@ def test_without_a_stop_time_there_is_none(fmu: Fmu) -> None:
         assert instance.step(1e6, 0.01) == OK
 
 
-@pytest.mark.parametrize(
-    "excess", [-0.9e-9, 0.9e-9]
-)  # FMPy takes what is within a relative 1e-9 for the stop time
+# FMPy takes what is within a relative 1e-9 for the stop time.
+@pytest.mark.parametrize("excess", [-0.9e-9, 0.9e-9])
 def test_fmpy_may_miss_the_stop_time_by_its_own_tolerance(
     fmu_path: Path, plant: Plant, excess: float
 ) -> None:

@@ -143,9 +143,8 @@ def rk4_lag_in_30_digits(amplitude: mp.mpf, n: int) -> mp.mpf:
             for of in zip(*slopes, strict=True)
         )
         q, p = q + h / 6 * du, p + h / 6 * dv
-    return (
-        p / mp.sin(q) / T / h**4
-    )  # the time to the turning point; it is of the order h^4, so that its square is nil
+    # The time to the turning point is of the order h^4, so that its square is nil.
+    return p / mp.sin(q) / T / h**4
 
 
 @pytest.mark.parametrize("angle", [1, 30, 90, 120])

@@ -14,9 +14,7 @@ from validation.fmu import SolverMethod
 from validation.race import compiler
 
 H, N = 1e-3, 2000
-EXACT = [
-    method for method in SolverMethod if method != SolverMethod.TaylorSeries
-]  # the others: to the last bit
+EXACT = [method for method in SolverMethod if method != SolverMethod.TaylorSeries]  # to the last bit
 
 
 def motions() -> st.SearchStrategy[tuple[float, float, float, float, float]]:

@@ -86,9 +86,8 @@ def test_a_substep_has_a_single_root_and_finds_it(fmu: Fmu, g: float, duration: 
             phi, w = new_phi, new_w
         assert abs(found_phi - phi) <= phi_error
         assert abs(found_w - w) <= w_error
-        assert (
-            phi_error < 1e-8
-        )  # a substep fewer or more, or another root, is far off: the bound tells them apart
+        # A substep fewer or more, or another root, is far off: the bound tells them apart.
+        assert phi_error < 1e-8
     assert nfev >= 2 * n  # Newton evaluates at least twice where it has to move
 
 
@@ -138,9 +137,7 @@ def test_newton_takes_the_evaluations_that_it_takes_without_rounding(
     with fmu.instance() as instance, mp.workdps(40):
         s = strength(mpf(h), gamma, 9.80665)
         for k in range(1, 301):
-            expected = newton_evaluations(
-                s, mpf(0.01 * k)
-            )  # at rest and without torque c is the angle before
+            expected = newton_evaluations(s, mpf(0.01 * k))  # at rest without torque c is the angle before
             if expected is None:
                 continue
             assert instance.initialize(start | {"phi_start": 0.01 * k}) == OK

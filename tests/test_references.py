@@ -155,9 +155,8 @@ def test_series_is_summed_to_the_last_digits():
 def taylor(phi0, rate0, w02, stop, k2=0):
     """Return phi and w at `stop` as 30-digit numbers, by the Taylor series of the equation itself, 30 terms a step."""
     phi, w = mp.mpf(phi0), mp.mpf(rate0)
-    n = max(
-        1, int(stop * (W0 + abs(rate0)) / 0.3)
-    )  # a tenth of the angle to the next singularity in complex time
+    # A tenth of the angle to the next singularity in complex time.
+    n = max(1, int(stop * (W0 + abs(rate0)) / 0.3))
     h = mp.mpf(stop) / n
     for _ in range(n):
         p, s, c = [phi, w], [mp.sin(phi)], [mp.cos(phi)]
@@ -188,9 +187,8 @@ def test_taylor_series_keeps_its_digits_at_large_angles():
     """Whole turns change nothing but the angle."""
     times = [0.0, 0.5]
     near, far = (series.motion(times, 0.5 + turns * 2 * pi, 3.0, 0.1, 9.80665) for turns in (0, 40))
-    assert far[1][-1] == pytest.approx(
-        near[1][-1], rel=0, abs=1e-12
-    )  # 80*pi is rounded to 3e-14, times w02*t
+    # 80*pi is rounded to 3e-14, times w02*t.
+    assert far[1][-1] == pytest.approx(near[1][-1], rel=0, abs=1e-12)
 
 
 def test_taylor_series_has_the_digits_of_40_digit_arithmetic():

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from math import sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -157,14 +158,14 @@ def test_the_polynomial_of_the_drive_is_its_cubic_about_the_middle() -> None:
 
 
 @pytest.mark.parametrize("carrier", ["native"], indirect=True, scope="session")
-def test_the_host_in_c_gives_the_bits_of_that_in_python(fmu_path: object, carrier: str) -> None:
+def test_the_host_in_c_gives_the_bits_of_that_in_python(fmu_path: Path, carrier: str) -> None:
     try:
         host = carriers.compiled_host()
     except compiler.NoCompilerError as error:
         pytest.skip(str(error))
     held = Experiment(2.0, 0.1, {"gamma": 0.5}, lambda t: 0.3, ("phi", "w"))
     constant = replace(held, inputs=np.tile([0.3, 0.0, 0.0, 0.0], (20, 1)))
-    with Fmu(fmu_path) as fmu:  # type: ignore[arg-type]
+    with Fmu(fmu_path) as fmu:
         ours, theirs, ourselves = fmu.run_in(host, constant), fmu.run(held), fmu.run(constant)
         lost = fmu.run_in(host, Experiment(1.0, 0.1, {"gamma": 1e6}, record=("phi", "w")))
     assert (ours["phi"] == theirs["phi"]).all()
@@ -175,10 +176,10 @@ def test_the_host_in_c_gives_the_bits_of_that_in_python(fmu_path: object, carrie
 
 
 def test_an_fmu_that_does_not_interpolate_refuses_derivatives_of_its_input(
-    fmu_path: object, carrier: str
+    fmu_path: Path, carrier: str
 ) -> None:
     experiment = Experiment(0.2, 0.1, inputs=np.ones((2, 2)))
-    with Fmu(fmu_path) as fmu:  # type: ignore[arg-type]
+    with Fmu(fmu_path) as fmu:
         assert fmu.interpolates == (carrier == "native")
         if fmu.interpolates:
             # From rest phi is between tau/J*t^2/2 and that less w02*t^2/12 of it, for tau = 1 + t.
@@ -195,8 +196,8 @@ def test_an_fmu_that_does_not_interpolate_refuses_derivatives_of_its_input(
                 fmu.run(experiment)
 
 
-def test_a_driven_scene_is_recorded_on_its_grid_alone(fmu_path: object) -> None:
-    with Fmu(fmu_path) as fmu:  # type: ignore[arg-type]
+def test_a_driven_scene_is_recorded_on_its_grid_alone(fmu_path: Path) -> None:
+    with Fmu(fmu_path) as fmu:
         prepare = partial(carriers.solvers(fmu)[2].prepare, PULSE)
         outcome = prepare(4, 1.0)()
     assert len(outcome.phi) == len(PULSE.grid)

@@ -165,9 +165,8 @@ def inject(fmu: Fmu, scene: studies.Scene) -> Injected:
     healthy = _rows(Faulty(fmu, Fault("none"), made), scene)
     broken: dict[str, list[str]] = {fault.name: [] for fault in FAULTS}
     moved: set[str] = set()
-    for fault in (
-        FAULTS if made and healthy else ()
-    ):  # a scene without a run, or without a row, has nothing to break
+    # A scene without a run, or without a row, has nothing to break.
+    for fault in FAULTS if made and healthy else ():
         with np.errstate(all="ignore"):  # NaN goes through all that a study computes
             rows = _rows(Faulty(fmu, fault, made), scene)
         broken[fault.name] = [row.name for row in rows.values() if row.about is About.FMU and not row.holds]

@@ -168,7 +168,7 @@ class Pendulum(NamedTuple):
     def out_of_range(self) -> list[str]:
         """Return what cannot be computed with although each parameter by itself is allowed."""
         J = self.J
-        if not 0.0 < J < float("inf"):
+        if not 0.0 < J < inf:
             return [f"J = m*L^2 = {J!r} kg.m2 is out of the range of a double"]
         motion = self.motion()
         return [

@@ -116,10 +116,7 @@ class SecondOrder(CoSimulation):
         """Return the value of an output, or fail where it is not finite."""
         try:
             value = compute(self)
-        except (
-            ValueError,
-            ZeroDivisionError,
-        ):  # math.sin(inf), a mass of zero before the parameters are checked
+        except (ValueError, ZeroDivisionError):  # math.sin(inf); a mass of zero, not checked yet
             value = nan
         if not isfinite(value):
             known = {self.names.x: self.x, self.names.v: self.v, self.names.input: self[self.names.input]}

@@ -182,9 +182,8 @@ def _difficulty(_: Fmu) -> Iterator[Result]:
     half = sin(radians(90) / 2) ** 2
     exact = references.period(radians(90), 1.0) / 4
     n = 16
-    strip = (
-        sqrt(half) / (1 + sqrt(1 - half))
-    ) ** 2  # 0.17, at most exp(-2*y) of the singularities at pi/2 + i*y
+    # 0.17, at most exp(-2*y) of the singularities at pi/2 + i*y
+    strip = (sqrt(half) / (1 + sqrt(1 - half))) ** 2
     for name, truncation, why in (
         ("Simpson", strip**n, "below 0.17^n, as of the trapezoidal rule with half as many intervals"),
         (

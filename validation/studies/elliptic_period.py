@@ -134,20 +134,17 @@ def _rounding(amplitude: float, g: float) -> float:
 
     Each substep rounds the state: the phase walks randomly, and so does the energy at each of the two fast passages of
     a swing, about 2/w0 long. A period remembers all passages before it: those of the j-th swing enter the mean with the
-    weight (PERIODS + 1 - j)/PERIODS. The nearer the separatrix, the
-    more sensitive is the period to the energy. Times round, too.
+    weight (PERIODS + 1 - j)/PERIODS. The nearer the separatrix, the more sensitive is the period to the energy. Times
+    round, too.
     """
     w0 = sqrt(g)
     passage = 2 / (SUBSTEP * w0)  # substeps
     remembered = sum(((PERIODS + 1 - j) / PERIODS) ** 2 for j in range(1, PERIODS + 1))
     phase = sqrt(PERIODS * references.period(amplitude, g) / SUBSTEP) / (w0 * PERIODS)
-    energy = (
-        4 * sin(amplitude / 2) ** 2 * sqrt(2 * remembered * passage)
-    )  # of 1 - cos, relative to a rounding
+    energy = 4 * sin(amplitude / 2) ** 2 * sqrt(2 * remembered * passage)  # of 1 - cos, in roundings
+    moved = references.period_slope(amplitude, g) * energy / sin(amplitude)
     clock = ulp(_stop(amplitude, g)) / PERIODS
-    return clock + SIGMAS * ROUNDING * (
-        phase + references.period_slope(amplitude, g) * energy / sin(amplitude)
-    )
+    return clock + SIGMAS * ROUNDING * (phase + moved)
 
 
 def _neglected(amplitude: float, g: float) -> float:
@@ -252,8 +249,6 @@ class FormulaScene(Scene):
         )
 
 
-# Substeps per period where the next term of the error expansion, a relative h*w0*pi for the Euler methods and less
-# for the others, changes the observed order by less than 0.1; rounding is still far below.
 def _curve(fmu: Fmu) -> Iterator[Result]:
     """Draw the period against the amplitude, and what is wrong with it at the default step."""
     amplitudes = [radians(amplitude) for amplitude in AMPLITUDES]
@@ -340,6 +335,8 @@ def _against_time(fmu: Fmu) -> Iterator[Result]:
     )
 
 
+# Substeps per period where the next term of the error expansion, a relative h*w0*pi for the Euler methods and less
+# for the others, changes the observed order by less than 0.1; rounding is still far below.
 SUBSTEPS = {
     SolverMethod.ExplicitEuler: 2000,
     SolverMethod.ImplicitEuler: 2000,

@@ -20,9 +20,8 @@ Cell = str | float | int | None
 Row = dict[str, Cell]
 Trajectory = dict[str, Array]
 
-WRAPPER = re.compile(
-    r"\AFatal py exception encountered: .*\n"
-)  # what pythonfmu says before the FMU's sentence
+# What pythonfmu says before the FMU's sentence.
+WRAPPER = re.compile(r"\AFatal py exception encountered: .*\n")
 SMALL = 1e-8  # amplitude [rad] up to which sin(phi) is phi to a relative 2e-17, less than the half of a last digit
 FARTHEST = 500.0  # angle [rad] that a Taylor series follows: as many digits more are needed for its sine
 LONGEST = 1e4  # damping times that it follows: its steps are a fraction of one
