@@ -11,6 +11,7 @@ import build_fmu
 from damped_pendulum.interface import INTERFACE, TYPES, VARIABLES
 from fmi.tables import Variable
 from methods.solvers import SolverMethod
+from validation import fmu as of_validation
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -34,7 +35,9 @@ def test_the_interface_is_the_agreed_one(in_fmu: dict[str, ScalarVariable]) -> N
 
 
 @pytest.mark.parametrize("variable", VARIABLES, ids=lambda variable: variable.name)
-def test_a_variable_is_described_as_in_its_table(variable: object, in_fmu: dict[str, ScalarVariable]) -> None:
+def test_a_variable_is_described_as_in_its_table(
+    variable: Variable, in_fmu: dict[str, ScalarVariable]
+) -> None:
     found = in_fmu[variable.name]
     assert found.description == variable.description
     assert found.causality == variable.causality
@@ -117,6 +120,14 @@ def test_the_enumeration_comes_first_and_has_the_methods(fmu_path: Path) -> None
     items = {item.get("name"): int(item.get("value")) for item in first.iter("Item")}
     assert items == {method.name: method.value for method in SolverMethod}
     assert list(items.values()) == [1, 2, 3, 4, 5, 6, 7, 8]
+
+
+def test_the_validation_knows_the_methods_and_defaults_of_the_fmu(in_fmu: dict[str, ScalarVariable]) -> None:
+    """It shares no code with the FMU, so that its table is one of its own."""
+    assert dict(of_validation.SolverMethod.__members__) == dict(SolverMethod.__members__)
+    of_kind = {kind: [v for v in in_fmu.values() if v.causality == kind] for kind in ("parameter", "output")}
+    assert {v.name: float(v.start) for v in of_kind["parameter"]} == of_validation.DEFAULTS
+    assert tuple(v.name for v in of_kind["output"]) == of_validation.OUTPUTS
 
 
 def test_outputs_say_what_they_depend_on(description: ModelDescription) -> None:

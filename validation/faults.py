@@ -23,11 +23,9 @@ import numpy as np
 from . import studies
 from .checks import About, Check, Result, Table, formula
 from .command import cores, deaf
-from .fmu import NATIVE_NAME, Experiment, Fmu, G, Run
+from .fmu import DEFAULTS, NATIVE_NAME, OUTPUTS, Experiment, Fmu, Run
 from .metrics import Array
 
-DEFAULTS = {"m": 1.0, "L": 1.0, "gamma": 0.002, "g": G, "solver.stepSize": 1e-3}
-OUTPUTS = ("phi", "w", "a", "E")
 NAME = "faults"  # of the study
 ROWS = "(rows about the FMU)"  # beside the names of faults
 

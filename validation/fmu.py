@@ -43,14 +43,24 @@ MIDPOINT: int = SolverMethod.ExplicitMidPoint2
 RK4: int = SolverMethod.ExplicitRungeKutta4
 IMPLICIT_EULER: int = SolverMethod.ImplicitEuler
 METHOD_NAMES: dict[int, str] = {method: method.name for method in SolverMethod}
-PARAMETERS = ("m", "L", "gamma", "g", "phi_start", "w_start", "solver.method", "solver.stepSize")
 OUTPUTS = ("phi", "w", "a", "E")
 EVALUATIONS = "solver.nfev"
 G = 9.80665  # default gravity acceleration [m/s2]
 W02 = G  # squared angular frequency of small swings of the default pendulum [rad2/s2]
 W0 = sqrt(W02)
 T0 = 2 * pi / W0
+K2 = 0.002  # damping rate of the default pendulum [1/s]
 SUBSTEP = 1e-3  # default solver.stepSize [s]
+DEFAULTS: Mapping[str, float] = {  # of all parameters, in the units of the interface
+    "m": 1.0,
+    "L": 1.0,
+    "gamma": K2,
+    "g": G,
+    "phi_start": pi / 6,
+    "w_start": 0.0,
+    "solver.method": RK4,
+    "solver.stepSize": SUBSTEP,
+}
 
 
 class UnusableFmuError(Exception):
@@ -129,7 +139,7 @@ def describe(path: Path) -> Any:
     except Exception as error:  # FMPy raises many kinds
         raise UnusableFmuError(f"{path} is not a readable FMU: {_first_line(error)}") from None
     known = _references(description)
-    missing = [name for name in (*PARAMETERS, "tau", *OUTPUTS, EVALUATIONS) if name not in known]
+    missing = [name for name in (*DEFAULTS, "tau", *OUTPUTS, EVALUATIONS) if name not in known]
     if missing:
         raise UnusableFmuError(f"{path} has another interface: no variable {', '.join(missing)}")
     return description

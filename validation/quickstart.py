@@ -15,7 +15,7 @@ import numpy as np
 from . import references
 from .checks import Curve, Plot
 from .command import Parser
-from .fmu import DEFAULT_PATH, W02, Fmu, UnusableFmuError
+from .fmu import DEFAULT_PATH, K2, W02, Fmu, UnusableFmuError
 from .metrics import upward_crossings
 from .report import figures
 
@@ -23,7 +23,6 @@ PURPOSE = (
     "Run the default experiment with FMPy and print its period and impulse response beside the exact ones."
 )
 IMPULSE_RATE = 1e-6  # initial rate after the impulse [rad/s], small enough for the linear answer to hold
-K2 = 0.002  # default damping rate [1/s]
 SHOWN = (0.5, 1.0, 2.0, 5.0, 10.0)  # [s]
 
 

@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import ceil, floor, fsum, log10, pi, radians, ulp
+from math import ceil, floor, fsum, log10, radians, ulp
 from pathlib import Path
 from sys import float_info
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from .fmu import G, SolverMethod
+from .fmu import DEFAULTS, SolverMethod
 from .references import State, discrete, taylor
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -31,16 +31,6 @@ MANIFEST_SPACE = "http://fmi-standard.org/fmi-ls-manifest"
 PARAMETER_SPACE = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 STOP = 10.0  # of every experiment [s]
 METHOD = "solver.method"
-DEFAULTS: Mapping[str, float] = {
-    "m": 1.0,
-    "L": 1.0,
-    "gamma": 0.002,
-    "g": G,
-    "phi_start": pi / 6,
-    "w_start": 0.0,
-    METHOD: SolverMethod.ExplicitRungeKutta4,
-    "solver.stepSize": 1e-3,
-}
 
 
 class Part(NamedTuple):

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache, partial
-from math import ceil, inf, pi
+from math import ceil, inf
 from pathlib import Path
 
 import numpy as np
 
 from .. import loops, races
 from ..checks import Curve, Note, Plot, Result, Table
-from ..fmu import DEFAULT_PATH, NATIVE_NAME, W02, Experiment, Fmu, SolverMethod
+from ..fmu import DEFAULT_PATH, DEFAULTS, K2, NATIVE_NAME, W02, Experiment, Fmu, SolverMethod
 from ..loops import Loop
 from ..races import clock
 from . import carriers, contest, show
@@ -142,7 +142,7 @@ def _many(method: SolverMethod) -> int:
 def _loop_seconds(loop: Loop, substeps: int) -> float:
     """Return the time [s] of the default pendulum under `TORQUE` in a bare loop."""
     begin = clock()
-    loop(TORQUE, 0.002, W02, pi / 6, 0.0, SUBSTEP, substeps)
+    loop(TORQUE, K2, W02, DEFAULTS["phi_start"], 0.0, SUBSTEP, substeps)
     return clock() - begin
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, formula
-from ..fmu import W0, W02, Experiment, Fmu, SolverMethod, swing
+from ..fmu import K2, W0, W02, Experiment, Fmu, SolverMethod, swing
 from ..metrics import largest, state_error, walk
 from ..references import discrete
 from ..references.methods import METHODS
@@ -70,7 +70,7 @@ def _limit_cycle(fmu: Fmu) -> Iterator[Result]:
 def _permanent_spin(fmu: Fmu) -> Iterator[Result]:
     """Show that ExplicitEuler turns a small swing into a spin for ever, at a rate that looks plausible."""
     for h in (1e-3, 1e-2):
-        expected = W02 * sqrt(h / (2 * 0.002))
+        expected = W02 * sqrt(h / (2 * K2))
         start = {"phi_start": 1e-3, "solver.method": SolverMethod.ExplicitEuler, "solver.stepSize": h}
         # The small swing grows at w02*h - k2 over two, the spin then settles at k2.
         turning = settled(fmu, start, 9000.0)
