@@ -13,6 +13,7 @@ import html
 import json
 import re
 import shutil
+import signal
 import sys
 import tempfile
 import uuid
@@ -174,8 +175,11 @@ def write_fmu(output: Path, entries: dict[str, bytes]) -> Path:
             raise BuildError("\n".join(problems))
         output.parent.mkdir(parents=True, exist_ok=True)
         unfinished = output.with_name(f".{output.name}.partial")
-        shutil.copyfile(packed, unfinished)
-        unfinished.replace(output)
+        try:
+            unfinished.write_bytes(packed.read_bytes())
+            unfinished.replace(output)
+        finally:
+            unfinished.unlink(missing_ok=True)
     return output
 
 
@@ -214,22 +218,24 @@ def build_release(folder: Path) -> Path:
     BuildError, native.CompilationError, native.ModelFileError : as of the builds; nothing is left in `folder`
     """
     with tempfile.TemporaryDirectory() as name:
-        packed = Path(name, "release")
-        fmus = build(packed / DEFAULT_OUTPUT.name), build_native(packed / NATIVE_OUTPUT.name)
-        own = {name: ROOT / name for name in DOCUMENTS} | {"conduct.json": CONDUCT}
-        files = {name: path.read_bytes() for name, path in own.items() if path.exists()}
-        for source, content in files_below(REFERENCE_RESULTS).items():
-            files[f"reference_results/{Path(source).name}"] = content
-        if REFERENCE_RESULTS.exists():
-            for fmu in fmus:
-                files |= cross_check(fmu.stem)
-        for target, content in files.items():
-            (packed / target).parent.mkdir(parents=True, exist_ok=True)
-            (packed / target).write_bytes(content)
-        sums = sorted((target, hashlib.sha256(content)) for target, content in files_below(packed).items())
-        text = "".join(f"{digest.hexdigest()}  {target}\n" for target, digest in sums)
-        (packed / "SHA256SUMS").write_text(text, "utf-8", newline="\n")
-        shutil.copytree(packed, folder, dirs_exist_ok=True)
+        fmus = build(Path(name, DEFAULT_OUTPUT.name)), build_native(Path(name, NATIVE_OUTPUT.name))
+        files = {fmu.name: fmu.read_bytes() for fmu in fmus}
+    own = {name: ROOT / name for name in DOCUMENTS} | {"conduct.json": CONDUCT}
+    files |= {name: path.read_bytes() for name, path in own.items() if path.exists()}
+    for source, content in files_below(REFERENCE_RESULTS).items():
+        files[f"reference_results/{Path(source).name}"] = content
+    if REFERENCE_RESULTS.exists():
+        for fmu in fmus:
+            files |= cross_check(fmu.stem)
+    sums = [f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in sorted(files.items())]
+    files["SHA256SUMS"] = "".join(sums).encode()
+    try:
+        for name, content in files.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(content)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
     return folder
 
 
@@ -435,6 +441,12 @@ def readme_with_tables(text: str) -> str:
     return text
 
 
+def write_readme(path: Path) -> Path:
+    """Write README with those of its tables that are data made anew, and return its path."""
+    path.write_text(readme_with_tables(path.read_text("utf-8")), "utf-8", newline="\n")
+    return path
+
+
 class Parser(argparse.ArgumentParser):
     """Command line whose errors are one line and exit status 2."""
 
@@ -461,37 +473,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(arguments)
     if options.release is not None:
-        if find_spec("ziglang") is None:
-            parser.error("--release: needs the package ziglang, which compiles for every platform")
-        if options.release.exists() and (not options.release.is_dir() or any(options.release.iterdir())):
-            parser.error(f"--release {options.release}: must be a new or an empty directory")
-        return report(parser, "--release", options.release, build_release)
-    if options.readme:
-        try:
-            text = README.read_text("utf-8")
-        except OSError as error:
-            parser.error(f"--readme: {error.strerror} ({error.filename})")
-        README.write_text(readme_with_tables(text), "utf-8", newline="\n")
-        return 0
-    output = options.output or (NATIVE_OUTPUT if options.native else DEFAULT_OUTPUT)
-    if output.suffix != ".fmu" or output.is_dir():
-        parser.error(f"--output {output}: must be a file that ends in .fmu")
-    return report(parser, "--output", output, build_native if options.native else build)
-
-
-def report(parser: Parser, option: str, output: Path, build_to: Callable[[Path], Path]) -> int:
-    """Build to `output`, print what was written, or why nothing was, and return the exit status."""
+        option, output = "--release", options.release
+    elif options.readme:
+        option, output = "--readme", README
+    else:
+        option, output = "--output", options.output or (NATIVE_OUTPUT if options.native else DEFAULT_OUTPUT)
     try:
-        print(build_to(output))
+        written = write(parser, options, output)
     except (BuildError, native.CompilationError) as error:
         print(f"build_fmu.py: nothing was written:\n{error}", file=sys.stderr)
         return 1
     except (native.CompilerError, native.ModelFileError) as error:
         parser.error(f"--native: {error}")
     except OSError as error:
-        parser.error(f"{option} {output}: {error.strerror} ({error.filename})")
+        file = f" ({error.filename})" if error.filename not in (None, str(output)) else ""
+        parser.error(f"{option} {output}: {error.strerror or error}{file}")
+    except KeyboardInterrupt:
+        parser.exit(130, "build_fmu.py: interrupted\n")
+    print(written)
     return 0
 
 
+def write(parser: Parser, options: argparse.Namespace, output: Path) -> Path:
+    """Write what the options ask for to `output` and return it, or exit where it cannot be written there."""
+    if options.release is not None:
+        if find_spec("ziglang") is None:
+            parser.error("--release: needs the package ziglang, which compiles for every platform")
+        if output.exists() and (not output.is_dir() or any(output.iterdir())):
+            parser.error(f"--release {output}: must be a new or an empty directory")
+        return build_release(output)
+    if options.readme:
+        return write_readme(output)
+    if output.suffix != ".fmu" or output.is_dir():
+        parser.error(f"--output {output}: must be a file that ends in .fmu")
+    return build_native(output) if options.native else build(output)
+
+
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C, so that nothing is left behind
     sys.exit(main())

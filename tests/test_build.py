@@ -1,12 +1,16 @@
 import hashlib
+import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tarfile
 import tomllib
 from collections.abc import Sequence
+from errno import ENOSPC
 from pathlib import Path
+from typing import NoReturn
 
 import fmpy
 import pytest
@@ -16,7 +20,7 @@ from fmpy.validation import validate_fmu
 import build_fmu
 from damped_pendulum.interface import INTERFACE
 from native import build as native
-from tests.toolchain import need_zig
+from tests.toolchain import need_zig, on_linux
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -102,6 +106,73 @@ def test_an_invalid_fmu_is_not_written_and_all_problems_are_printed(
     assert build_fmu.main(["--output", str(tmp_path / "x.fmu")]) == 1
     assert "first problem\nsecond problem" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def full_disk(path: Path, _: object, *__: object, **___: object) -> NoReturn:
+    path.touch()
+    raise OSError(ENOSPC, "No space left on device")
+
+
+def test_a_disk_that_fills_up_is_one_line_and_nothing_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Path, "write_bytes", full_disk)
+    with pytest.raises(SystemExit) as exit:
+        build_fmu.main(["--output", str(tmp_path / "x.fmu")])
+    assert exit.value.code == 2
+    assert capsys.readouterr().err == (
+        f"build_fmu.py: --output {tmp_path / 'x.fmu'}: No space left on device\n"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_release_on_a_disk_that_fills_up_leaves_nothing(
+    fmu_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("build", "build_native"):
+        monkeypatch.setattr(build_fmu, name, lambda path: shutil.copyfile(fmu_path, path))
+    write, sizes = Path.write_bytes, iter((1, 1))
+
+    def filling(path: Path, data: bytes) -> int:
+        return write(path, data) if next(sizes, 0) else full_disk(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", filling)
+    with pytest.raises(OSError, match="No space left on device"):
+        build_fmu.build_release(tmp_path / "release")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_readme_that_cannot_be_written_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    readme = tmp_path / "README.md"
+    readme.touch()
+    monkeypatch.setattr(build_fmu, "README", readme)
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    with pytest.raises(SystemExit) as exit:
+        build_fmu.main(["--readme"])
+    assert exit.value.code == 2
+    assert capsys.readouterr().err == f"build_fmu.py: --readme {readme}: No space left on device\n"
+
+
+@on_linux
+@pytest.mark.parametrize("arrived", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_is_a_line_and_nothing_is_left(tmp_path: Path, arrived: signal.Signals) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    started = subprocess.Popen(
+        [sys.executable, ROOT / "build_fmu.py", "--output", tmp_path / "x.fmu"],
+        env=os.environ | {"TMPDIR": str(temporary)},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not any(temporary.iterdir()):  # it builds
+        assert started.poll() is None
+    started.send_signal(arrived)
+    _, said = started.communicate()
+    assert (started.returncode, said) == (130, "build_fmu.py: interrupted\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["temporary"]
+    assert list(temporary.iterdir()) == []
 
 
 @pytest.mark.parametrize(
