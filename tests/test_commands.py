@@ -4,7 +4,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+import zipfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import Timer
 
@@ -16,6 +17,7 @@ from validation.command import INTERRUPTED, Parser
 from validation.fmu import Experiment, Fmu
 
 ROOT = Path(__file__).resolve().parent.parent
+QUICK = ("impulse_response", "--no-faults", "--no-plots")
 
 
 def command(
@@ -46,6 +48,8 @@ def other_fmu(fmu_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["pendelum"], "unknown study 'pendelum' (allowed: elliptic_period, trajectory"),
         (["--fmu", "missing.fmu"], "missing.fmu does not exist: build it with python build_fmu.py"),
         (["--fmu", "LICENSE"], "LICENSE is not a readable FMU"),
+        (["--fmu", "tests"], "tests is not a file"),
+        (["--fmu", "LICENSE/x.fmu"], "LICENSE/x.fmu cannot be read: Not a directory"),
         (["--output", "LICENSE"], "--output LICENSE: must be a directory"),
         (
             ["--picture", "missing/a.png"],
@@ -68,20 +72,109 @@ def test_an_fmu_of_another_interface_is_refused(other_fmu: Path) -> None:
     assert len(result.stderr.splitlines()) == 1
 
 
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of temporary files of the commands."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    return folder
+
+
+@pytest.mark.parametrize("module", ["validation", "validation.quickstart"])
 def test_an_fmu_without_a_binary_for_this_machine_is_refused_and_leaves_nothing_behind(
-    fmu_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fmu_path: Path, tmp_path: Path, temporary: Path, module: str
 ) -> None:
     entries = build_fmu.read_entries(fmu_path)
     path = tmp_path / "bare.fmu"
     build_fmu.write_entries(path, {name: data for name, data in entries.items() if "binaries/" not in name})
-    folder = tmp_path / "extracted"
-    folder.mkdir()
-    monkeypatch.setenv("TMPDIR", str(folder))
-    result = command("validation", "--fmu", path)
+    result = command(module, "--fmu", path)
     assert result.returncode == 2
     assert "bare.fmu cannot be instantiated: Cannot find" in result.stderr
     assert len(result.stderr.splitlines()) == 1
-    assert list(folder.iterdir()) == []
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_damaged_fmu_is_refused_and_leaves_nothing_behind(
+    fmu_path: Path, tmp_path: Path, temporary: Path
+) -> None:
+    path = tmp_path / "damaged.fmu"
+    data = bytearray(fmu_path.read_bytes())
+    with zipfile.ZipFile(fmu_path) as archive:
+        binary = archive.getinfo("binaries/linux64/DampedPendulum.so")
+    data[binary.header_offset + binary.compress_size // 2] ^= 1
+    path.write_bytes(data)
+    result = command("validation", "--fmu", path)
+    assert result.returncode == 2
+    assert "damaged.fmu cannot be instantiated: " in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert list(temporary.iterdir()) == []
+
+
+@on_linux
+@pytest.mark.parametrize("module", ["validation", "validation.quickstart"])
+def test_a_full_disk_is_one_line_and_leaves_nothing_behind(
+    fmu_path: Path, tmp_path: Path, temporary: Path, module: str
+) -> None:
+    options = (
+        ["errata", "--no-faults", "--output", str(tmp_path / "report")] if module == "validation" else []
+    )
+    limited = (
+        "import resource, runpy, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); "
+        "runpy.run_module(sys.argv.pop(1), run_name='__main__')"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", limited, module, *options, "--fmu", fmu_path],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
+    assert result.returncode == 2
+    assert "File too large" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert list(temporary.iterdir()) == []
+
+
+@on_linux
+def test_an_output_that_cannot_be_written_is_one_line_and_status_2(fmu_path: Path, temporary: Path) -> None:
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
+        result = subprocess.run(
+            [sys.executable, "-m", "validation.quickstart", "--fmu", fmu_path],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            check=False,
+        )
+    assert (result.returncode, result.stderr) == (
+        2,
+        "python -m validation.quickstart: cannot go on: No space left on device\n",
+    )
+    assert list(temporary.iterdir()) == []
+
+
+@on_linux
+@pytest.mark.parametrize("module", ["validation", "validation.quickstart"])
+def test_a_reader_that_has_seen_enough_is_no_error(
+    fmu_path: Path, tmp_path: Path, temporary: Path, module: str
+) -> None:
+    options = (
+        ["errata", "--no-faults", "--output", str(tmp_path / "report")] if module == "validation" else []
+    )
+    started = subprocess.Popen(
+        [sys.executable, "-m", module, *options, "--fmu", str(fmu_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=ROOT,
+    )
+    assert started.stdout is not None
+    assert started.stderr is not None
+    started.stdout.close()
+    with started.stderr:
+        assert started.stderr.read() == b""
+    assert started.wait() == 1
+    assert list(temporary.iterdir()) == []
 
 
 def test_a_chosen_study_is_run_and_reported(fmu_path: Path, tmp_path: Path) -> None:
@@ -160,9 +253,12 @@ def test_what_cannot_be_written_is_one_line_and_status_2(
     assert len(result.stderr.splitlines()) == 1
 
 
-def test_an_interrupt_of_a_command_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("arrived", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_of_a_command_is_a_line(
+    capsys: pytest.CaptureFixture[str], arrived: signal.Signals
+) -> None:
     with pytest.raises(SystemExit) as exit, Parser(prog="command").interruptible():
-        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(arrived)
     assert exit.value.code == INTERRUPTED
     assert capsys.readouterr().err == "command: interrupted\n"
 
@@ -176,21 +272,31 @@ def test_an_interrupt_within_a_long_step_is_one_of_the_program(fmu_path: Path) -
 
 
 @on_linux
-def test_control_c_ends_the_study_of_faults_without_noise(fmu_path: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "temporary"
-    folder.mkdir()
+@pytest.mark.parametrize(
+    ("arrived", "send"),
+    [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.kill)],  # as a terminal and as a batch system do
+    ids=["Ctrl-C", "SIGTERM"],
+)
+def test_an_interrupt_ends_the_study_of_faults_without_noise(
+    fmu_path: Path,
+    tmp_path: Path,
+    temporary: Path,
+    arrived: signal.Signals,
+    send: Callable[[int, signal.Signals], None],
+) -> None:
     arguments = ("impulse_response", "--no-plots", "--fmu", fmu_path, "--output", tmp_path / "report")
     started = subprocess.Popen(
         [sys.executable, "-m", "validation", *arguments],
         cwd=ROOT,
-        env={**os.environ, "TMPDIR": str(folder), "PYTHONUNBUFFERED": "1"},
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
     )
     assert started.stdout is not None
     assert any(b"holds" in line for line in started.stdout)  # a row of the study before
-    os.killpg(started.pid, signal.SIGINT)  # as a terminal does
-    _, noise = started.communicate()
-    assert (started.returncode, noise) == (130, b"python -m validation: interrupted\n")
-    assert list(folder.iterdir()) == []
+    send(started.pid, arrived)
+    assert started.wait() == 130
+    _, noise = started.communicate()  # until no process is left that could write
+    assert noise == b"python -m validation: interrupted\n"
+    assert list(temporary.iterdir()) == []

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import sys
+from argparse import Namespace
 from collections.abc import Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 
 from . import faults, studies
 from .checks import Plot, Result
-from .command import Parser
+from .command import Parser, reason, shown
 from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
 from .report import figures, page, screen
 from .report.section import Section, summary
@@ -39,30 +41,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(arguments)
     chosen = list(dict.fromkeys(options.studies)) or studies.NAMES
-    for name in chosen:
-        if name not in studies.NAMES:
-            parser.error(f"unknown study {name!r} (allowed: {known})")
-    if options.picture is not None and not set(chosen) & set(LEADING):
-        parser.error(f"--picture: the chosen studies have no leading picture (allowed: {', '.join(LEADING)})")
-    try:
-        options.output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        parser.error(f"--output {options.output}: must be a directory ({error.strerror})")
-    drawable = find_spec("matplotlib") is not None
-    if options.picture is not None and not drawable:
-        parser.error("--picture needs matplotlib: pip install '.[report]'")
-    if options.picture is not None and not options.picture.parent.is_dir():
-        parser.error(f"--picture {options.picture}: must be a file in a directory that exists")
-    pictures = not options.no_plots
-    if pictures and not drawable:
-        print("pictures are left out: they need matplotlib, pip install '.[report]'", file=sys.stderr)
-        pictures = False
     with parser.interruptible():
+        _check(parser, options, chosen)
+        pictures = not options.no_plots
+        if pictures and find_spec("matplotlib") is None:
+            print("pictures are left out: they need matplotlib, pip install '.[report]'", file=sys.stderr)
+            pictures = False
         try:
             with Fmu(options.fmu) as fmu:
                 sections = run(fmu, chosen, not options.no_faults)
         except UnusableFmuError as error:
             parser.error(str(error))
+        except BrokenProcessPool:
+            parser.error("one of the processes that study the faults has ended (--no-faults leaves them out)")
         try:
             written = page.write(sections, options.output, options.fmu, pictures)
             if options.picture is not None:
@@ -70,10 +61,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 options.picture.write_bytes(figures.png(next(plots)))
         except OSError as error:
             parser.error(
-                f"the report cannot be written: {error.strerror} ({error.filename or options.output})"
+                f"the report cannot be written: {reason(error)} ({error.filename or options.output})"
             )
-    print(f"\n{summary(sections)}\nreport: {written}")
+        print(f"\n{summary(sections)}\nreport: {shown(written)}")
     return 0 if all(check.holds for section in sections for check in section.checks) else 1
+
+
+def _check(parser: Parser, options: Namespace, chosen: Sequence[str]) -> None:
+    """Refuse what cannot be done, and make the folder of the report."""
+    for name in chosen:
+        if name not in studies.NAMES:
+            parser.error(f"unknown study {name!r} (allowed: {', '.join(studies.NAMES)})")
+    if options.picture is not None:
+        if not set(chosen) & set(LEADING):
+            allowed = ", ".join(LEADING)
+            parser.error(f"--picture: the chosen studies have no leading picture (allowed: {allowed})")
+        if find_spec("matplotlib") is None:
+            parser.error("--picture needs matplotlib: pip install '.[report]'")
+        if not options.picture.parent.is_dir():
+            parser.error(f"--picture {options.picture}: must be a file in a directory that exists")
+    try:
+        options.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"--output {options.output}: must be a directory ({reason(error)})")
 
 
 def run(fmu: Fmu, names: Sequence[str], with_faults: bool) -> list[Section]:

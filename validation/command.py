@@ -1,4 +1,4 @@
-"""What the command lines share: wrong use, Ctrl-C and the processes that a command begins."""
+"""What the command lines share: how they end early, what they say then, and the processes that they begin."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing.resource_tracker import ensure_running
+from pathlib import Path
 from typing import NoReturn
 
 INTERRUPTED = 130  # exit status, as shells have it
@@ -24,11 +25,34 @@ class Parser(argparse.ArgumentParser):
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """Exit with status 130 where Ctrl-C comes within."""
+        """Exit with a line where Ctrl-C or SIGTERM, which ends batch jobs, comes within, or the system refuses a file.
+
+        Without one where the output is a pipe that nobody reads on, which is how `head` ends.
+        """
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
             yield
+            print(end="", flush=True)  # there may be no stdout
         except KeyboardInterrupt:
             self.exit(INTERRUPTED, f"{self.prog}: interrupted\n")
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes once more
+            self.exit(1)
+        except OSError as error:
+            file = f" ({error.filename})" if error.filename is not None else ""
+            self.error(f"cannot go on: {reason(error)}{file}")
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
+
+def reason(error: BaseException) -> str:
+    """Return what an error says in one line, or its kind if it says nothing."""
+    return (getattr(error, "strerror", None) or str(error) or type(error).__name__).split("\n", 1)[0]
+
+
+def shown(path: Path) -> str:
+    """Return a path that any stream can print: names of files may be of no characters at all."""
+    return str(path).encode(errors="backslashreplace").decode()
 
 
 @contextmanager

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from ctypes import c_double, c_int, c_uint, c_void_p, cast
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import pairwise
 from math import nan, pi, sqrt
 from pathlib import Path
+from stat import S_ISREG
+from tempfile import mkdtemp
 from types import TracebackType
 from typing import Any, Self
 
@@ -19,6 +21,7 @@ import numpy as np
 from fmpy.fmi2 import fmi2True, fmi2Warning
 from numpy.typing import NDArray
 
+from .command import reason
 from .races import clock
 
 DEFAULT_PATH = Path(__file__).resolve().parent.parent / "dist" / "DampedPendulum.fmu"
@@ -132,12 +135,18 @@ def describe(path: Path) -> Any:
     ------
     UnusableFmuError : no such file, no FMU, or one of another interface
     """
-    if not path.is_file():
-        raise UnusableFmuError(f"{path} does not exist: build it with python build_fmu.py")
+    try:
+        is_file = S_ISREG(path.stat().st_mode)
+    except FileNotFoundError:
+        raise UnusableFmuError(f"{path} does not exist: build it with python build_fmu.py") from None
+    except OSError as error:
+        raise UnusableFmuError(f"{path} cannot be read: {reason(error)}") from None
+    if not is_file:
+        raise UnusableFmuError(f"{path} is not a file")
     try:
         description = fmpy.read_model_description(str(path))
     except Exception as error:  # FMPy raises many kinds
-        raise UnusableFmuError(f"{path} is not a readable FMU: {_first_line(error)}") from None
+        raise UnusableFmuError(f"{path} is not a readable FMU: {reason(error)}") from None
     known = _references(description)
     missing = [name for name in (*DEFAULTS, "tau", *OUTPUTS, EVALUATIONS) if name not in known]
     if missing:
@@ -148,10 +157,6 @@ def describe(path: Path) -> Any:
 def _references(description: Any) -> dict[str, int]:
     """Return the value references of the variables by name."""
     return {variable.name: variable.valueReference for variable in description.modelVariables}
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).split("\n", 1)[0]
 
 
 class _Log:
@@ -202,12 +207,15 @@ class Fmu:
         self._reference = _references(self.description)
         self.native = not self.description.coSimulation.needsExecutionTool
         self.interpolates = bool(self.description.coSimulation.canInterpolateInputs)
-        self._folder = fmpy.extract(str(path), folder)
-        try:
-            self._instantiate()
-        except Exception as error:  # FMPy raises many kinds
-            shutil.rmtree(self._folder, ignore_errors=True)
-            raise UnusableFmuError(f"{path} cannot be instantiated: {_first_line(error)}") from None
+        self._folder = str(folder or mkdtemp())
+        with ExitStack() as stack:
+            stack.callback(shutil.rmtree, self._folder, ignore_errors=True)
+            try:
+                fmpy.extract(str(path), self._folder)
+                self._instantiate()
+            except Exception as error:  # FMPy raises many kinds
+                raise UnusableFmuError(f"{path} cannot be instantiated: {reason(error)}") from None
+            stack.pop_all()
 
     def _instantiate(self) -> None:
         self._slave = fmpy.instantiate_fmu(

@@ -14,7 +14,7 @@ import numpy as np
 
 from . import references
 from .checks import Curve, Plot
-from .command import Parser
+from .command import Parser, reason, shown
 from .fmu import DEFAULT_PATH, K2, W02, Fmu, UnusableFmuError
 from .metrics import upward_crossings
 from .report import figures
@@ -57,7 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             try:
                 draw(default, impulse, options.plot)
             except OSError as error:
-                parser.error(f"--plot {options.plot}: {error.strerror}")
+                parser.error(f"--plot {options.plot}: {reason(error)}")
+            print(f"\npicture: {shown(options.plot)}")
     return 0
 
 
@@ -93,7 +94,6 @@ def draw(default: Any, impulse: Any, path: Path) -> None:
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(figures.png(plot))
-    print(f"\npicture: {path}")
 
 
 if __name__ == "__main__":

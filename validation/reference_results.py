@@ -7,6 +7,7 @@ under the same names: CSVs with the exact motion, and what the layered standard 
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,9 +20,11 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
+from .command import Parser
 from .fmu import DEFAULTS, SolverMethod
 from .references import State, discrete, taylor
 
+PURPOSE = "Write the reference results that travel inside the FMUs anew, into fmu_src/reference_results."
 ROOT = Path(__file__).resolve().parent.parent
 TARGET = ROOT / "fmu_src" / "reference_results"
 NAME = "org.fmi-standard.fmi-ls-ref"
@@ -332,13 +335,17 @@ def files() -> dict[str, str]:
     return packed | {"documentation/fmi-ls-ref.txt": explanation()}
 
 
-def main() -> None:
-    """Write all files anew."""
-    for name, text in files().items():
-        path = TARGET / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, "utf-8", newline="\n")
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    parser = Parser(prog="python -m validation.reference_results", description=PURPOSE)
+    parser.parse_args(arguments)
+    with parser.interruptible():
+        for name, text in files().items():
+            path = TARGET / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, "utf-8", newline="\n")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -18,11 +18,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     parser = Parser(prog="python -m validation.race", description=PURPOSE)
     parser.parse_args(arguments)
-    values = dict(provenance())
-    print(
-        f"Measured on {values['date'][:10]}: {values['CPU']}, Python {values['Python']}, SciPy {values['scipy']}."
-    )
     with parser.interruptible():
+        values = dict(provenance())
+        print(
+            f"Measured on {values['date'][:10]}: {values['CPU']}, Python {values['Python']}, SciPy {values['scipy']}."
+        )
         for path in PATHS:
             try:
                 with Fmu(path) as fmu:

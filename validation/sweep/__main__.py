@@ -14,10 +14,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import Self
 
-from ..command import INTERRUPTED, Parser, cores
+from ..command import INTERRUPTED, Parser, cores, reason, shown
 from ..fmu import DEFAULT_PATH, OUTPUTS, Fmu, UnusableFmuError, describe
 from ..report import screen
-from .errors import BrokenError, WrongUseError, reason, shown
+from .errors import BrokenError, WrongUseError
 from .files import FORMATS, TRAJECTORIES, Store, locked
 from .interface import Interface, interface
 from .plan import FORMS, Common, Plan, Runs, Values, axis, of_axes, of_file
@@ -48,8 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(str(error))
         except OSError as error:  # before or behind the runs: theirs is `ended_by`
             parser.error(f"cannot use {error.filename or options.output}: {reason(error)}")
-    if not isinstance(ended_by, OSError):
-        print(f"{tally} in {spent:.1f} s: {shown(options.output)}")
+        if not isinstance(ended_by, OSError):
+            print(f"{tally} in {spent:.1f} s: {shown(options.output)}")
     match ended_by:
         case None:
             return 0

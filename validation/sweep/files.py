@@ -21,7 +21,8 @@ from typing import IO, Any, Protocol
 
 import numpy as np
 
-from .errors import WrongUseError, reason
+from ..command import reason
+from .errors import WrongUseError
 from .row import Row, Trajectory
 
 if sys.platform == "win32":

@@ -11,7 +11,8 @@ from itertools import product
 from math import prod
 from pathlib import Path
 
-from .errors import WrongUseError, reason
+from ..command import reason
+from .errors import WrongUseError
 from .interface import Interface, Variable
 
 FORMS = "NAME=START:STOP:COUNT, NAME=log:START:STOP:COUNT or NAME=VALUE,VALUE,..., each with :UNIT behind it"

@@ -25,9 +25,9 @@ import cloudpickle
 import dask
 from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, get_worker
 
-from ..command import deaf
+from ..command import deaf, reason
 from ..fmu import Fmu
-from .errors import BrokenError, WrongUseError, reason
+from .errors import BrokenError, WrongUseError
 from .plan import Common, Values
 from .row import Row, Trajectory, empty, run
 
