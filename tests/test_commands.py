@@ -271,6 +271,22 @@ def test_an_interrupt_within_a_long_step_is_one_of_the_program(fmu_path: Path) -
         fmu.run(Experiment(1e3, 1e3, {"solver.stepSize": 1e-5}))
 
 
+def study_of_faults(fmu: Path, report: Path) -> subprocess.Popen[bytes]:
+    """Return a command that puts faults into a study, in processes of its own, and has shown a row of it."""
+    arguments = ("impulse_response", "--no-plots", "--fmu", fmu, "--output", report)
+    started = subprocess.Popen(
+        [sys.executable, "-m", "validation", *arguments],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    assert started.stdout is not None
+    assert any(b"holds" in line for line in started.stdout)
+    return started
+
+
 @on_linux
 @pytest.mark.parametrize(
     ("arrived", "send"),
@@ -284,19 +300,26 @@ def test_an_interrupt_ends_the_study_of_faults_without_noise(
     arrived: signal.Signals,
     send: Callable[[int, signal.Signals], None],
 ) -> None:
-    arguments = ("impulse_response", "--no-plots", "--fmu", fmu_path, "--output", tmp_path / "report")
-    started = subprocess.Popen(
-        [sys.executable, "-m", "validation", *arguments],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
-    assert started.stdout is not None
-    assert any(b"holds" in line for line in started.stdout)  # a row of the study before
+    started = study_of_faults(fmu_path, tmp_path / "report")
     send(started.pid, arrived)
     assert started.wait() == 130
     _, noise = started.communicate()  # until no process is left that could write
     assert noise == b"python -m validation: interrupted\n"
+    assert list(temporary.iterdir()) == []
+
+
+@on_linux
+def test_a_lost_process_of_the_study_of_faults_is_one_line(
+    fmu_path: Path, tmp_path: Path, temporary: Path
+) -> None:
+    started = study_of_faults(fmu_path, tmp_path / "report")
+    children = Path(f"/proc/{started.pid}/task/{started.pid}/children").read_text("utf-8").split()
+    workers = [pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    os.kill(int(workers[0]), signal.SIGKILL)  # as the system does for want of memory
+    _, said = started.communicate()
+    assert started.returncode == 2
+    assert said == (
+        b"python -m validation: one of the processes that study the faults has ended "
+        b"(--no-faults leaves them out)\n"
+    )
     assert list(temporary.iterdir()) == []
