@@ -452,20 +452,22 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Exit with `message`."""
-        self.exit(2, f"{self.prog}: {message}\n")
+        one_line = "\\n".join(message.splitlines())  # names of files may be of several
+        self.exit(2, f"{self.prog}: {one_line}\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = Parser(prog="build_fmu.py", description=PURPOSE)
-    parser.add_argument(
+    parser.add_argument("--native", action="store_true", help="build the FMU without Python")
+    target = parser.add_mutually_exclusive_group()
+    target.add_argument(
         "--output", type=Path, metavar="FILE.fmu", help="where to write the FMU instead of into dist"
     )
-    parser.add_argument("--native", action="store_true", help="build the FMU without Python")
-    parser.add_argument(
+    target.add_argument(
         "--readme", action="store_true", help="write the tables of README.md anew instead of building"
     )
-    parser.add_argument(
+    target.add_argument(
         "--release",
         type=Path,
         metavar="DIR",

@@ -181,6 +181,8 @@ def test_an_interrupt_is_a_line_and_nothing_is_left(tmp_path: Path, arrived: sig
         (["--output", "x.zip"], "x.zip: must be a file that ends in .fmu"),
         (["--output", str(ROOT / "LICENSE" / "x.fmu")], "x.fmu"),
         (["--outputs", "x"], "--outputs"),
+        (["--output", "a\nb"], r"--output a\nb: must be a file"),
+        (["--output", "x.fmu", "--readme"], "--readme: not allowed with argument --output"),
         (["surplus"], "surplus"),
     ],
 )
