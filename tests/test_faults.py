@@ -41,7 +41,7 @@ def native(native_path: Path) -> Iterator[Fmu]:
 
 
 @pytest.fixture(scope="module")
-def injected(native: Fmu) -> dict[str, list[faults.Injected]]:
+def injected() -> dict[str, list[faults.Injected]]:
     """Return what was done to the studies so far; each is put to the test once."""
     return {}
 

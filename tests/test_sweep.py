@@ -718,9 +718,7 @@ def test_a_sweep_that_is_killed_at_any_time_has_each_row_once(
     assert left > 12  # three parts of two files, joined twice
 
 
-def test_an_interrupted_sweep_leaves_a_whole_file(
-    sweep: Sweep, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupted_sweep_leaves_a_whole_file(sweep: Sweep, monkeypatch: pytest.MonkeyPatch) -> None:
     executor_of = command._executor
 
     @contextmanager

@@ -128,7 +128,7 @@ def test_the_numbers_are_the_same_here_on_a_cluster_and_without_dask(
 
 
 def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
-    native_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(workers, "PATIENCE", 0.5)
     with (
@@ -136,7 +136,6 @@ def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
         workers.remote("127.0.0.1:1"),
     ):
         pass
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("kind", [RuntimeError, OSError])

@@ -14,7 +14,6 @@ their misprints corrected; [DLMF] Digital Library of Mathematical Functions, cha
 
 from .arrays import Array, State
 from .elliptic import (
-    agm,
     complement,
     complete_by_agm,
     incomplete,
@@ -28,7 +27,6 @@ from .elliptic import (
     period_by_series,
     period_slope,
     series_length,
-    series_terms,
 )
 from .linear import (
     free_evolution,
@@ -36,7 +34,6 @@ from .linear import (
     gaussian_response,
     held_frequency_response,
     held_response,
-    held_step,
     hold,
     impulse_response,
     polynomial_response,
@@ -55,7 +52,6 @@ from .overdamped import overdamped_fall
 __all__ = [
     "Array",
     "State",
-    "agm",
     "complement",
     "complete_by_agm",
     "free_evolution",
@@ -63,7 +59,6 @@ __all__ = [
     "gaussian_response",
     "held_frequency_response",
     "held_response",
-    "held_step",
     "hold",
     "impulse_response",
     "incomplete",
@@ -86,7 +81,6 @@ __all__ = [
     "rk4_response",
     "rk4_step",
     "series_length",
-    "series_terms",
     "sinusoidal_response",
     "step_response",
 ]
