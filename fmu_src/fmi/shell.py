@@ -185,6 +185,7 @@ class CoSimulation(Fmi2Slave):  # type: ignore[misc]  # pythonfmu is not typed
         True; a step that cannot be carried out raises, because importers take False for the end of the run
         """
         end = current_time + step_size
+        # A closer look, which costs time, is for what is not right at first sight.
         if self._mode != "stepping" or not (
             0.0 < step_size < inf and -inf < end < inf and end <= self._stop_time
         ):
