@@ -256,10 +256,10 @@ def joined(images: list[bytes]) -> bytes:
         return images[0]
     align = 14  # as a power of 2: the pages of arm64
     at = 1 << align
-    header, body = struct.pack(">II", 0xCAFEBABE, len(images)), b""
+    head, body = struct.pack(">II", 0xCAFEBABE, len(images)), b""
     for image in images:
         processor, variant = struct.unpack_from("<II", image, 4)
         body += b"\0" * (-len(body) % (1 << align))
-        header += struct.pack(">IIIII", processor, variant, at + len(body), len(image), align)
+        head += struct.pack(">IIIII", processor, variant, at + len(body), len(image), align)
         body += image
-    return header.ljust(at, b"\0") + body
+    return head.ljust(at, b"\0") + body

@@ -44,22 +44,22 @@ def _limit_cycle(fmu: Fmu) -> Iterator[Result]:
             "solver.stepSize": h,
         }
         # The amplitude settles at a rate of at least a tenth of k2, so this leaves e^-10.
-        swing = fmu.run(Experiment(4.0, h, settled(fmu, start, 100 / k2), record=("phi", "w")))
+        cycle = fmu.run(Experiment(4.0, h, settled(fmu, start, 100 / k2), record=("phi", "w")))
         yield Check(
             f"spurious limit cycle of ExplicitEuler at {angle} deg",
-            abs(largest(np.abs(swing["phi"])) / amplitude - 1),
+            abs(largest(np.abs(cycle["phi"])) / amplitude - 1),
             2 * (h * W0) ** 2,
             f"h*w02/k2 = {ratio:.5f} by the balance of energy; the next term in h is reversible and takes no energy, "
             "the one after it is a relative (h*w0)^2; samples miss the peak by (h*w0)^2/8",
         )
     slow = fmu.run(Experiment(1200.0, 2.0, start, record=("E",)))
-    swing_of = np.degrees(2 * np.arcsin(np.sqrt(slow["E"] / (2 * W02))))
+    amplitudes = np.degrees(2 * np.arcsin(np.sqrt(slow["E"] / (2 * W02))))
     yield Plot(
         f"Trap: ExplicitEuler with h = {h * 1e3:.3g} ms and k2 = 0.02/s never comes to rest",
         "t [s]",
         "amplitude [deg]",
         [
-            Curve("FMU, ExplicitEuler", slow.t, swing_of),
+            Curve("FMU, ExplicitEuler", slow.t, amplitudes),
             Curve("limit cycle in theory", slow.t[[0, -1]], [angle, angle], "--"),
             Curve("exact, about", slow.t, np.degrees(amplitude / 2) * np.exp(-k2 / 2 * slow.t), ":"),
         ],
