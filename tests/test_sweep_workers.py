@@ -127,6 +127,24 @@ def test_the_numbers_are_the_same_here_on_a_cluster_and_without_dask(
                 assert [row[name] for name in run.columns] == [column[-1] for column in run.columns.values()]
 
 
+def test_a_sweep_leaves_its_output_and_nothing_else(native_path: Path, tmp_path: Path) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    options = ("m=1,2", "--fmu", native_path, "--stop-time", "1", "--jobs", "2")
+    done = subprocess.run(
+        [sys.executable, "-m", "validation.sweep", *options, "--output", tmp_path / "rows.csv"],
+        cwd=ROOT,
+        env=os.environ | {"TMPDIR": str(temporary)},
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert {path.relative_to(tmp_path) for path in tmp_path.rglob("*")} == {
+        Path("rows.csv"),
+        Path("temporary"),
+    }
+
+
 def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -16,6 +16,7 @@ from itertools import count, islice
 from math import inf
 from pathlib import Path
 from shutil import rmtree
+from tempfile import TemporaryDirectory
 from threading import Lock
 from time import perf_counter
 from typing import Any
@@ -141,6 +142,9 @@ def local(jobs: int, starting: AbstractContextManager[None] | None = None) -> It
     with ExitStack() as stack:
         # The nanny of a worker starts it anew; the cluster would close both if that took more than 15 s.
         stack.enter_context(dask.config.set({"distributed.deploy.lost-worker-timeout": "1000 days"}))
+        # Dask leaves the folder that its workers share.
+        folder = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
+        stack.enter_context(dask.config.set({"temporary-directory": folder}))
         # Closed while workers run, the cluster leaves calls behind that nobody waits for.
         logging.getLogger("asyncio").setLevel(logging.CRITICAL)
         with starting or nullcontext(), deaf():
