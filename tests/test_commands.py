@@ -50,7 +50,6 @@ def other_fmu(fmu_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["--fmu", "LICENSE"], "LICENSE is not a readable FMU"),
         (["--fmu", "tests"], "tests is not a file"),
         (["--fmu", "LICENSE/x.fmu"], "LICENSE/x.fmu cannot be read: Not a directory"),
-        (["--output", "LICENSE"], "--output LICENSE: must be a directory"),
         (
             ["--picture", "missing/a.png"],
             "--picture missing/a.png: must be a file in a directory that exists",
@@ -63,6 +62,14 @@ def test_wrong_use_is_one_line_and_status_2(arguments: list[str], words: str) ->
     assert result.returncode == 2
     assert words in result.stderr
     assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_report_needs_a_directory_and_makes_none_in_vain(fmu_path: Path, tmp_path: Path) -> None:
+    result = command("validation", "--fmu", fmu_path, "--output", "LICENSE")
+    assert result.returncode == 2
+    assert result.stderr == "python -m validation: --output LICENSE: must be a directory (File exists)\n"
+    assert command("validation", "--fmu", "missing.fmu", "--output", tmp_path / "report").returncode == 2
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_fmu_of_another_interface_is_refused(other_fmu: Path) -> None:

@@ -49,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             pictures = False
         try:
             with Fmu(options.fmu) as fmu:
+                _make_folder(parser, options.output)
                 sections = run(fmu, chosen, not options.no_faults)
         except UnusableFmuError as error:
             parser.error(str(error))
@@ -68,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check(parser: Parser, options: Namespace, chosen: Sequence[str]) -> None:
-    """Refuse what cannot be done, and make the folder of the report."""
+    """Refuse what cannot be done."""
     for name in chosen:
         if name not in studies.NAMES:
             parser.error(f"unknown study {name!r} (allowed: {', '.join(studies.NAMES)})")
@@ -80,10 +81,13 @@ def _check(parser: Parser, options: Namespace, chosen: Sequence[str]) -> None:
             parser.error("--picture needs matplotlib: pip install '.[report]'")
         if not options.picture.parent.is_dir():
             parser.error(f"--picture {options.picture}: must be a file in a directory that exists")
+
+
+def _make_folder(parser: Parser, folder: Path) -> None:
     try:
-        options.output.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        parser.error(f"--output {options.output}: must be a directory ({reason(error)})")
+        parser.error(f"--output {folder}: must be a directory ({reason(error)})")
 
 
 def run(fmu: Fmu, names: Sequence[str], with_faults: bool) -> list[Section]:
