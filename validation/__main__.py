@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
 from . import faults, studies
-from .checks import Plot, Result
+from .checks import Maps, Plot, Result
 from .command import Parser
 from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
 from .report import figures, page, screen
@@ -53,18 +54,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error("--picture needs matplotlib: pip install '.[report]'")
     if options.picture is not None and not options.picture.parent.is_dir():
         parser.error(f"--picture {options.picture}: must be a file in a directory that exists")
-    pictures = not options.no_plots
-    if pictures and not drawable:
+    draw = None if options.no_plots or not drawable else cache(figures.svg)
+    if not options.no_plots and not drawable:
         print("pictures are left out: they need matplotlib, pip install '.[report]'", file=sys.stderr)
-        pictures = False
     with parser.interruptible():
         try:
             with Fmu(options.fmu) as fmu:
-                sections = run(fmu, chosen, not options.no_faults)
+                sections = run(fmu, chosen, draw, not options.no_faults)
         except UnusableFmuError as error:
             parser.error(str(error))
         try:
-            written = page.write(sections, options.output, options.fmu, pictures)
+            written = page.write(sections, options.output, options.fmu, draw)
             if options.picture is not None:
                 plots = (plot for section in sections for plot in section.of(Plot) if plot.headline)
                 options.picture.write_bytes(figures.png(next(plots)))
@@ -76,21 +76,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0 if all(check.holds for section in sections for check in section.checks) else 1
 
 
-def run(fmu: Fmu, names: Sequence[str], with_faults: bool) -> list[Section]:
+def run(fmu: Fmu, names: Sequence[str], draw: page.Draw | None, with_faults: bool) -> list[Section]:
     """Run the studies `names`, and that of the faults, and return them in this order."""
     chosen = [studies.load(name) for name in names]
     racing = [study for study in chosen if study.races]
     others = [study for study in chosen if not study.races]
     with ExitStack() as stack:
-        sections = list(run_studies(fmu, racing))  # while nothing else runs
+        sections = list(run_studies(fmu, racing, draw))  # while nothing else runs
         if with_faults:
             others.append(stack.enter_context(faults.study(names, fmu.path)))
-        sections += run_studies(fmu, others)
+        sections += run_studies(fmu, others, draw)
     return sorted(sections, key=lambda section: [*names, faults.NAME].index(section.name))
 
 
-def run_studies(fmu: Fmu, chosen: Sequence[studies.Study]) -> Iterator[Section]:
-    """Run studies, show their progress and print each when it is done."""
+def run_studies(fmu: Fmu, chosen: Sequence[studies.Study], draw: page.Draw | None) -> Iterator[Section]:
+    """Run studies and draw their pictures, show the progress and print each study when it is done."""
     console = screen.console()
     with screen.progress() as progress:
         task = progress.add_task("", total=sum(len(study.scenes) + len(study.races) for study in chosen))
@@ -100,6 +100,10 @@ def run_studies(fmu: Fmu, chosen: Sequence[studies.Study]) -> Iterator[Section]:
                 progress.update(task, description=f"{study.name}: {scene.name}")
                 results += scene.run(fmu)
                 progress.advance(task)
+            if draw:
+                for result in results:
+                    if isinstance(result, Plot | Maps):
+                        draw(result)
             section = Section(study.name, study.title, study.formula, results)
             screen.show(section, console)
             yield section
