@@ -13,7 +13,7 @@ import pytest
 from validation import races, studies
 from validation.checks import Check, Curve, Map, Maps, Note, Plot, Table, formula
 from validation.documents import coverage
-from validation.report import cells, page
+from validation.report import cells, figures, page
 from validation.report.section import Section, summary
 
 VOID = {"meta", "br", "img", "link", "hr"}
@@ -93,7 +93,7 @@ SECTIONS = [
 
 @pytest.fixture(scope="module")
 def text(fmu_path: Path) -> str:
-    return page.render(SECTIONS, fmu_path, pictures=True)
+    return page.render(SECTIONS, fmu_path, figures.svg)
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,7 @@ def test_a_page_needs_nothing_but_itself(text: str, reader: Reader) -> None:
 
 
 def test_a_page_is_the_same_the_second_time(text: str, fmu_path: Path) -> None:
-    assert page.render(SECTIONS, fmu_path, pictures=True) == text
+    assert page.render(SECTIONS, fmu_path, figures.svg) == text
 
 
 def test_numbers_do_not_break_at_their_exponent(text: str) -> None:

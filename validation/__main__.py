@@ -7,11 +7,12 @@ from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
 from . import faults, studies
-from .checks import Plot, Result
+from .checks import Maps, Plot, Result
 from .command import Parser, reason, shown
 from .fmu import DEFAULT_PATH, Fmu, UnusableFmuError
 from .report import figures, page, screen
@@ -43,20 +44,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = list(dict.fromkeys(options.studies)) or studies.NAMES
     with parser.interruptible():
         _check(parser, options, chosen)
-        pictures = not options.no_plots
-        if pictures and find_spec("matplotlib") is None:
+        draw = None if options.no_plots or find_spec("matplotlib") is None else cache(figures.svg)
+        if draw is None and not options.no_plots:
             print("pictures are left out: they need matplotlib, pip install '.[report]'", file=sys.stderr)
-            pictures = False
         try:
             with Fmu(options.fmu) as fmu:
                 _make_folder(parser, options.output)
-                sections = run(fmu, chosen, not options.no_faults)
+                sections = run(fmu, chosen, draw, not options.no_faults)
         except UnusableFmuError as error:
             parser.error(str(error))
         except BrokenProcessPool:
             parser.error("one of the processes that study the faults has ended (--no-faults leaves them out)")
         try:
-            written = page.write(sections, options.output, options.fmu, pictures)
+            written = page.write(sections, options.output, options.fmu, draw)
             if options.picture is not None:
                 plots = (plot for section in sections for plot in section.of(Plot) if plot.headline)
                 options.picture.write_bytes(figures.png(next(plots)))
@@ -90,21 +90,21 @@ def _make_folder(parser: Parser, folder: Path) -> None:
         parser.error(f"--output {folder}: must be a directory ({reason(error)})")
 
 
-def run(fmu: Fmu, names: Sequence[str], with_faults: bool) -> list[Section]:
+def run(fmu: Fmu, names: Sequence[str], draw: page.Draw | None, with_faults: bool) -> list[Section]:
     """Run the studies `names`, and that of the faults, and return them in this order."""
     chosen = [studies.load(name) for name in names]
     racing = [study for study in chosen if study.races]
     others = [study for study in chosen if not study.races]
     with ExitStack() as stack:
-        sections = list(run_studies(fmu, racing))  # while nothing else runs
+        sections = list(run_studies(fmu, racing, draw))  # while nothing else runs
         if with_faults:
             others.append(stack.enter_context(faults.study(names, fmu.path)))
-        sections += run_studies(fmu, others)
+        sections += run_studies(fmu, others, draw)
     return sorted(sections, key=lambda section: [*names, faults.NAME].index(section.name))
 
 
-def run_studies(fmu: Fmu, chosen: Sequence[studies.Study]) -> Iterator[Section]:
-    """Run studies, show their progress and print each when it is done."""
+def run_studies(fmu: Fmu, chosen: Sequence[studies.Study], draw: page.Draw | None) -> Iterator[Section]:
+    """Run studies and draw their pictures, show the progress and print each study when it is done."""
     console = screen.console()
     with screen.progress() as progress:
         task = progress.add_task("", total=sum(len(study.scenes) + len(study.races) for study in chosen))
@@ -114,6 +114,10 @@ def run_studies(fmu: Fmu, chosen: Sequence[studies.Study]) -> Iterator[Section]:
                 progress.update(task, description=f"{study.name}: {scene.name}")
                 results += scene.run(fmu)
                 progress.advance(task)
+            if draw:
+                for result in results:
+                    if isinstance(result, Plot | Maps):
+                        draw(result)
             section = Section(study.name, study.title, study.formula, results)
             screen.show(section, console)
             yield section

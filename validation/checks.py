@@ -106,7 +106,7 @@ class Curve:
     like: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plot:
     """A picture of the report as data: curves, or a map of values 0..1 over a logarithmic plane with curves on it.
 
@@ -136,7 +136,7 @@ class Map:
     others: ArrayLike
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Maps:
     """A picture of panels over the same plane: colours for positive values, and below for the second quantity.
 

@@ -7,7 +7,7 @@ import hashlib
 import os
 import platform
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -15,7 +15,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from ..checks import Note, Plot, Result, Table
+from ..checks import Maps, Note, Plot, Result, Table
 from . import figures
 from .cells import CHECK_COLUMNS, cell, check_cells, check_values, is_number, short_cells
 from .section import Section, counts, summary
@@ -23,11 +23,14 @@ from .words import GLOSSARY, TASKS
 
 FOLDER = Path(__file__).resolve().parent
 LONG = 10  # rows of a table that is shown without being opened
+Draw = Callable[[Plot | Maps], str]
+"""Returns a picture as an element of the page, see figures.svg."""
+
 PACKAGES = ("pythonfmu", "fmpy", "numpy", "scipy")
 
 
-def write(sections: Sequence[Section], folder: Path, fmu: Path, pictures: bool) -> Path:
-    """Write index.html and the CSV files into `folder` and return the page's path."""
+def write(sections: Sequence[Section], folder: Path, fmu: Path, draw: Draw | None) -> Path:
+    """Write index.html and the CSV files into `folder` and return the page's path; `draw` None leaves pictures out."""
     folder.mkdir(parents=True, exist_ok=True)
     checks = [check for section in sections for check in section.checks]
     write_csv(folder / "checks.csv", CHECK_COLUMNS, map(check_values, checks))
@@ -38,12 +41,12 @@ def write(sections: Sequence[Section], folder: Path, fmu: Path, pictures: bool) 
             )
     page = folder / "index.html"
     partial = page.with_suffix(".partial")
-    partial.write_text(render(sections, fmu, pictures), "utf-8")
+    partial.write_text(render(sections, fmu, draw), "utf-8")
     partial.replace(page)
     return page
 
 
-def render(sections: Sequence[Section], fmu: Path, pictures: bool) -> str:
+def render(sections: Sequence[Section], fmu: Path, draw: Draw | None) -> str:
     """Return the page."""
     environment = Environment(
         loader=FileSystemLoader(FOLDER),
@@ -74,9 +77,9 @@ def render(sections: Sequence[Section], fmu: Path, pictures: bool) -> str:
             key=lambda result: isinstance(result, Plot),
         ),
         is_headline=is_headline,
-        margins=Markup(figures.margins(sections)) if pictures else "",
-        picture=lambda plot: Markup(figures.svg(plot)),
-        pictures=pictures,
+        margins=Markup(figures.margins(sections)) if draw else "",
+        picture=lambda plot: Markup(draw(plot)) if draw else "",
+        pictures=draw is not None,
         provenance=provenance(fmu),
         sections=sections,
         style=Markup((FOLDER / "style.css").read_text("utf-8")),

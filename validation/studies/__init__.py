@@ -1,8 +1,8 @@
 """The studies by name, in the order of the report.
 
 A study is a module with TITLE, FORMULA (with its source) and SCENES; each scene has a `name`, says whether it is
-`slow`, and yields its results from run(fmu). It may have RACES: scenes whose rows are about run times, which depend on
-what else the machine does. The command judges them, too, but no test does.
+`slow`, and yields its results from run(fmu). It may have RACES: scenes about run times, which depend on what else the
+machine does. The command runs them, too, while nothing else runs, but no test does.
 """
 
 from __future__ import annotations

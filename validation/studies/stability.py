@@ -167,7 +167,7 @@ class MapScene(Scene):
             f"steps judged otherwise than by |R|, of {int(np.sum(decided))}: a count has no tolerance",
         )
         fine = np.logspace(-2.5, 4, 200)
-        boundary = [largest_stable_step(partial(linear_radius, method, k2, W02), k2) for k2 in fine]
+        boundary = _boundary(self.method, tuple(fine))
         warned = [_warned_limit(fmu, self.method, k2) for k2 in damping_rates]
         yield Plot(
             f"Stability of {self.method.name}",
@@ -270,6 +270,13 @@ def spectral_radius(matrix: Array) -> float:
     if discriminant < 0:
         return hypot(half_trace, sqrt(-discriminant))
     return float(abs(half_trace) + sqrt(discriminant))
+
+
+@cache
+def _boundary(method: SolverMethod, damping_rates: Sequence[float]) -> list[float]:
+    """Return the largest stable steps [s] in theory at damping rates [1/s]."""
+    radius = partial(linear_radius, METHODS[method.name])
+    return [largest_stable_step(partial(radius, k2, W02), k2) for k2 in damping_rates]
 
 
 def measured_radius(fmu: Fmu, method: SolverMethod, k2: float, h: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import cache, partial
-from math import cos, cosh, expm1, isfinite, log, pi, sin, sqrt, ulp
+from math import cos, cosh, expm1, isfinite, log, nan, pi, sin, sqrt, ulp
 
 import numpy as np
 
@@ -374,6 +374,13 @@ def _overdamped(fmu: Fmu) -> Iterator[Result]:
 # Clocks
 
 
+@cache
+def _cut_motion(t: tuple[float, ...], amplitude: float) -> references.State:
+    """Return the state at the end of RK4's discrete motion from rest at `amplitude` [rad] over the times `t` [s]."""
+    phi, w = discrete.motion(RK4, t, amplitude, 0.0, 0.0, W02, SUBSTEP)
+    return phi[-1:], w[-1:]
+
+
 def _communication(fmu: Fmu) -> Iterator[Result]:
     """Show that the answer does not depend on how the importer cuts the time."""
     amplitude, stop = pi / 2, 6.0
@@ -397,10 +404,9 @@ def _communication(fmu: Fmu) -> Iterator[Result]:
     runaway = 2 * pi * stop / T * amplitude * references.period_slope(amplitude, W02) / T
     rounding = walk(stop / SUBSTEP) * amplitude * (1 + runaway)
     for name, times in cuts.items():
-        t = times.tolist()
+        t = tuple(times.tolist())
         run = fmu.run(Experiment(stop, SUBSTEP, start, record=("phi", "w"), points=t))
-        phi, w = discrete.motion(RK4, t, amplitude, 0.0, 0.0, W02, SUBSTEP)
-        truncation = state_error(phi[-1:], w[-1:], exact)
+        truncation = state_error(*_cut_motion(t, amplitude), exact)
         yield Check(
             f"communication step {name}",
             state_error(run["phi"][-1:], run["w"][-1:], exact),
@@ -442,10 +448,14 @@ def _long_horizon(fmu: Fmu) -> Iterator[Result]:
     E0 = 2 * W02 * sin(amplitude / 2) ** 2
     orbit = references.libration(np.arange(400) * T / 400, amplitude, W02)
     loss = -METHODS[RK4].energy_drift(h, orbit, W02) / E0  # relative, per s
-    for periods in (2500, 10_000):
-        # Whole periods end where the ripple of the energy is the same as at the start.
-        stop = periods * T
-        energy = fmu.run(Experiment(stop, stop, start, record=("E",)))["E"][-1]
+    # Whole periods end where the ripple of the energy is the same as at the start.
+    ends = {periods: periods * T for periods in (2500, 10_000)}
+    swings = {time: time + np.arange(0, 4 * T, 0.05) for time in (2e3, 1e4, 2e4)}
+    points = sorted([0.0, *ends.values(), *np.concatenate(list(swings.values())).tolist()])
+    run = fmu.run(Experiment(0, 0, start, record=("phi", "w", "a", "E"), points=points))
+    energies = dict(zip(run.t.tolist(), run["E"].tolist(), strict=True))
+    for periods, stop in ends.items():
+        energy = energies.get(stop, nan)
         yield Check(
             f"energy lost in {periods} periods with h = 0.01 s",
             abs((energy / E0 - 1) / (-loss * stop) - 1),
@@ -453,12 +463,10 @@ def _long_horizon(fmu: Fmu) -> Iterator[Result]:
             f"predicted {-loss * stop:.4e}; next terms (h*w0)^2 and the loss itself",
         )
     rows = []
-    for stop in (2e3, 1e4, 2e4):
-        swing = fmu.run(
-            Experiment(0, 0, start, record=("phi", "w", "a"), points=[0.0, *np.arange(0, 4 * T, 0.05) + stop])
-        )
-        after = {name: column[1:] for name, column in swing.columns.items()}
-        crossing = upward_crossing(after, swing.t[1:], -1)
+    for stop, times in swings.items():
+        during = np.isin(run.t, times)
+        swing = {name: column[during] for name, column in run.columns.items()}
+        crossing = upward_crossing(swing, run.t[during], -1)
         measured = float(np.round(crossing / T - 0.75)) + 0.75 - crossing / T
         # dT/dE*dE/dt, integrated twice: a smaller swing is faster. The lag is the period's own h^4 error.
         dT = references.period_slope(amplitude, W02) * loss * E0 / (W02 * sin(amplitude))
