@@ -29,12 +29,15 @@ class Reader(HTMLParser):
         self.ids: list[str] = []
         self.links: list[str] = []
         self.tags: list[str] = []
+        self.pictures: list[str | None] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
         named = dict(attrs)
         if named.get("id"):
             self.ids.append(str(named["id"]))
+        if tag == "svg":
+            self.pictures.append(named.get("aria-label") if named.get("role") == "img" else None)
         if tag == "a":
             self.links.append(str(named["href"]))
         if tag not in VOID:
@@ -141,6 +144,10 @@ def test_long_tables_are_folded_and_pictures_have_captions(text: str) -> None:
     assert "<figcaption>Crosses are lost.</figcaption>" in text
 
 
+def test_every_picture_has_a_name_that_is_read_out(reader: Reader) -> None:
+    assert sorted(map(str, reader.pictures)) == ["A picture", "Maps", "Margins of all rows by study"]
+
+
 def test_a_page_needs_nothing_but_itself(text: str, reader: Reader) -> None:
     assert not {"script", "link", "img", "iframe"} & set(reader.tags)
     assert not re.search(r'(?:src|href)="https?://', re.sub(r'xmlns[^"]*"[^"]*"', "", text))
@@ -168,29 +175,56 @@ def test_every_formula_of_the_documents_has_its_study_or_a_reason() -> None:
         assert first[0] in (*studies.NAMES, "none", "all")
 
 
-@pytest.mark.parametrize("width", [1200, 400])
-def test_nothing_is_wider_than_the_window(text: str, tmp_path: Path, width: int) -> None:
+def in_browser(text: str, folder: Path, width: int, script: str) -> str:
+    """Return what `script`, the body of a function of the page and its window, answers in a window `width` wide."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         pytest.skip(f"no browser: {', '.join(BROWSERS)}")
     # In a frame, because a window of Chromium is never narrower than 500 pixels.
-    measure = "document.title = this.contentDocument.documentElement.scrollWidth"
-    frame = f'<iframe style="width: {width}px; border: 0" onload="{measure}" srcdoc="{html.escape(text)}">'
-    (tmp_path / "page.html").write_text(f"<!DOCTYPE html><title></title>{frame}</iframe>", "utf-8")
+    (folder / "page.html").write_text(
+        f"""<!DOCTYPE html><title></title>
+        <script>async function answer(page, window) {{ {script} }}</script>
+        <iframe style="width: {width}px; height: 800px; border: 0" srcdoc="{html.escape(text)}"
+        onload="answer(this.contentDocument, this.contentWindow).then(found => document.title = found)"></iframe>""",
+        "utf-8",
+    )
+    options = ("--headless", "--no-sandbox", "--disable-gpu", "--window-size=1400,900")
     done = subprocess.run(
-        [
-            browser,
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--window-size=1400,900",
-            "--dump-dom",
-            (tmp_path / "page.html").as_uri(),
-        ],
+        [browser, *options, "--virtual-time-budget=20000", "--dump-dom", (folder / "page.html").as_uri()],
         capture_output=True,
         text=True,
         check=True,
     )
-    title = re.search(r"<title>(\d+)</title>", done.stdout)
+    title = re.search(r"<title>(.+)</title>", done.stdout)
     assert title
-    assert int(title[1]) <= width
+    return title[1]
+
+
+WIDTHS = pytest.mark.parametrize("width", [1200, 400])
+
+
+@WIDTHS
+def test_nothing_is_wider_than_the_window(text: str, tmp_path: Path, width: int) -> None:
+    assert int(in_browser(text, tmp_path, width, "return page.documentElement.scrollWidth")) <= width
+
+
+@WIDTHS
+def test_the_headings_that_the_contents_lead_to_are_in_view(text: str, tmp_path: Path, width: int) -> None:
+    hidden = in_browser(
+        text,
+        tmp_path,
+        width,
+        """
+        const hidden = [];
+        for (const link of page.querySelectorAll("nav a")) {
+            link.click();
+            await new Promise(done => setTimeout(done, 100));
+            const heading = page.querySelector(link.hash).querySelector("h1, h2").getBoundingClientRect();
+            const nav = page.querySelector("nav").getBoundingClientRect();
+            const above = nav.right > heading.left ? nav.bottom : 0;
+            if (heading.top < above || heading.bottom > window.innerHeight) hidden.push(link.hash);
+        }
+        return hidden.length ? hidden.join(" ") : "none";
+        """,
+    )
+    assert hidden == "none"

@@ -60,7 +60,6 @@ def render(sections: Sequence[Section], fmu: Path, pictures: bool) -> str:
         "failing_first": lambda checks: sorted(checks, key=lambda check: check.holds),
         "is_number": is_number,
         "kind": lambda result: type(result).__name__,
-        "short": lambda title: title.split(":")[0],
     }
     return environment.get_template("page.html.j2").render(
         CHECK_COLUMNS=CHECK_COLUMNS,
