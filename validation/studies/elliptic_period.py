@@ -265,7 +265,7 @@ def _curve(fmu: Fmu) -> Iterator[Result]:
     moderate = AMPLITUDES.index(170) + 1
     yield Note(
         f"Accuracy: with ExplicitRungeKutta4 and the default step of 1 ms the periods of free swings from 1 to 170 "
-        f"deg are right to {largest(errors[:moderate]):.1e} s, and theory explains what is wrong to "
+        f"deg are right to {largest(errors[:moderate]):.1e} s, and theory explains all of this error but "
         f"{largest(np.abs(errors - own)[:moderate]):.0e} s.",
         headline=True,
     )
