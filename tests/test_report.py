@@ -4,11 +4,13 @@ import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
+from io import StringIO
 from math import nan, radians
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from validation import races, references, studies
 from validation.checks import Check, Curve, Map, Maps, Note, Plot, Table, formula
@@ -16,7 +18,7 @@ from validation.documents import coverage
 from validation.fmu import W02, Experiment, Fmu, SolverMethod, swing
 from validation.metrics import state_error
 from validation.references.methods import METHODS, linear_radius
-from validation.report import cells, page
+from validation.report import cells, page, screen
 from validation.report.section import Section, summary
 from validation.report.words import TASKS
 
@@ -173,6 +175,22 @@ def test_numbers_do_not_break_at_their_exponent(text: str) -> None:
     assert cells.unbroken("< 8e-14 s") == '&lt; <span class="unbroken">8e-14</span> s'
     assert '<td><span class="unbroken">1.5e-12</span> s</td>' in text
     assert re.search(r"\.unbroken { white-space: nowrap", text)
+
+
+def test_numbers_are_whole_in_a_terminal_of_80_columns() -> None:
+    name = "a claim with a name much longer than its column: error beyond that of RK4, from rest to rest"
+    results = [
+        Check(name, 4.62e-12, 7.56e-12, "theory", "rad"),
+        Table("A table", ("motion", "h [s]", "error of the state [rad]"), [(name, 1e-3, 4.62345e-12)] * 2),
+    ]
+    to = Console(width=80, file=StringIO(), highlight=False)
+    screen.show(Section("study", "A study", "x", results), to)
+    assert isinstance(to.file, StringIO)
+    shown = to.file.getvalue()
+    assert "4.62e-12 rad" in shown
+    assert "<= 7.56e-12" in shown
+    assert shown.count("4.62345e-12") == 2
+    assert max(map(len, shown.splitlines())) <= 80
 
 
 def test_files_are_named_for_what_they_hold() -> None:

@@ -1,6 +1,6 @@
 """How a solver looks in every picture: its colour, and line and marker for readers who do not see colours.
 
-The methods of the FMU are solid, rivals are broken. A rival has the colour of the method that it is most like.
+The methods of the FMU are solid, rivals are broken: a rival has the colour of a method, but never its line.
 """
 
 from typing import NamedTuple

@@ -20,6 +20,7 @@ CHECK_COLUMNS = (
     "verdict",
     "reason of the bound",
 )
+# Of the page and, without reasons, of the screen.
 PAGE_COLUMNS = ("check", "about", "measured", "bound", "margin", "verdict", "reason of the bound")
 EXPONENT = re.compile(r"[\d.]+e[+-]\d+")
 LONG = 40  # characters of a cell that gets a column of some width
@@ -71,12 +72,8 @@ def check_values(check: Check) -> tuple[str | float, ...]:
     )
 
 
-def check_cells(check: Check) -> tuple[str, ...]:
-    """Return a check as the cells of `CHECK_COLUMNS`."""
-    return tuple(value if isinstance(value, str) else number(value) for value in check_values(check))
-
-
 def page_cells(check: Check) -> tuple[str, ...]:
     """Return a check as the cells of `PAGE_COLUMNS`."""
-    name, about, measured, relation, bound, unit, margin, verdict, reason = check_cells(check)
+    cells = (value if isinstance(value, str) else number(value) for value in check_values(check))
+    name, about, measured, relation, bound, unit, margin, verdict, reason = cells
     return name, about, f"{measured} {unit}".strip(), f"{relation} {bound}", margin, verdict, reason
