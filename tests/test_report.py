@@ -173,7 +173,7 @@ def test_numbers_do_not_break_at_their_exponent(text: str) -> None:
     assert cells.is_number("1e-3")
     assert not cells.is_number("1 s")
     assert cells.unbroken("< 8e-14 s") == '&lt; <span class="unbroken">8e-14</span> s'
-    assert '<td><span class="unbroken">1.5e-12</span> s</td>' in text
+    assert '<td class="short"><span class="unbroken">1.5e-12</span> s</td>' in text
     assert re.search(r"\.unbroken { white-space: nowrap", text)
 
 

@@ -193,7 +193,10 @@ def against_evaluations(fmu: Fmu, scene: Scene) -> Plot:
         "The work without a clock, which no machine changes: how often the acceleration is evaluated. Of a Taylor "
         "series each coefficient counts. Errors above 1 are left out."
         + HELD * (scene.drive is not None and not fmu.interpolates)
-        + (f" Cut off before the least error: {', '.join(ended)}." * bool(ended))
+        + (
+            f" {scene.targets[-1]:.0e} is not reached by {', '.join(ended)}: too slow, or rounding."
+            * bool(ended)
+        )
     )
     return Plot(title, f"largest error [{_unit(scene)}]", "evaluations", _curves(points), "xy", note)
 

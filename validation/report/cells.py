@@ -23,7 +23,7 @@ CHECK_COLUMNS = (
 # Of the page and, without reasons, of the screen.
 PAGE_COLUMNS = ("check", "about", "measured", "bound", "margin", "verdict", "reason of the bound")
 EXPONENT = re.compile(r"[\d.]+e[+-]\d+")
-LONG = 40  # characters of a cell that gets a column of some width
+SHORT, LONG = 14, 40  # characters of a cell that stays on a line, and of one that gets a column of some width
 
 
 def number(value: float) -> str:
@@ -51,10 +51,11 @@ def unbroken(text: str) -> Markup:
 
 
 def style(value: object) -> str:
-    """Return the class of a cell of a page: a number, a long text, or none."""
+    """Return the class of a cell of a page: a number, a text that stays on a line, a long one, or none."""
     if is_number(value):
         return "number"
-    return "long" if len(str(value)) > LONG else ""
+    length = len(str(value))
+    return "short" if length <= SHORT else "long" if length > LONG else ""
 
 
 def check_values(check: Check) -> tuple[str | float, ...]:
