@@ -10,11 +10,12 @@ import pytest
 
 from validation import references
 from validation.fmu import W0, W02, Fmu, SolverMethod
-from validation.race import calls, contest, judging, show
+from validation.race import calls, contest, judging
 from validation.race.contest import Errors, Race, Rung
 from validation.race.judging import Goal, compare, why_not
 from validation.race.rivals import PYTHON_RIVALS, Outcome, Run, Solver
 from validation.race.scenes import DAMPED, PULSE, SCENES, TRAIN, UNDAMPED, Scene, exact
+from validation.styles import STYLES
 
 SCENE = replace(UNDAMPED[0], name="a scene of the tests", targets=(1e-2, 1e-4))
 
@@ -238,8 +239,8 @@ def test_nobody_is_said_where_nobody_gets_there(three_scenes: Callable[..., Goal
 def test_each_solver_has_a_style_of_its_own() -> None:
     names = {method.name for method in SolverMethod} | {rival.name for rival in PYTHON_RIVALS}
     names |= {name for group in judging.GROUPS[True].values() for name in group}
-    assert set(show.STYLES) == names
-    assert len(set(show.STYLES.values())) == len(names)
+    assert set(STYLES) == names
+    assert len({(style.line, style.marker) for style in STYLES.values()}) == len(names)
 
 
 def test_the_table_has_each_task_once() -> None:

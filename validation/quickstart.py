@@ -83,14 +83,15 @@ def draw(default: Any, impulse: Any, path: Path) -> None:
     t = default["time"]
     exact = references.impulse_response(t, K2, W02)[0]
     plot = Plot(
-        "Default experiment (30 deg, damped) and impulse response",
+        "Default experiment, from 30 deg with drag (above), and impulse response (below)",
         "t [s]",
         "phi [rad]",
-        [
-            Curve("default experiment", t, default["phi"]),
-            Curve("impulse response, FMU", t[::10], impulse["phi"][::10] / IMPULSE_RATE, line="", marker="o"),
-            Curve("impulse response, exact", t, exact, line="--"),
+        [Curve("FMU, RK4", t, default["phi"])],
+        below=[
+            Curve("FMU, RK4", t[::10], impulse["phi"][::10] / IMPULSE_RATE, line="", marker="o"),
+            Curve("exact", t, exact),
         ],
+        below_label="phi/w(0) [s]",
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(figures.png(plot))

@@ -16,7 +16,8 @@ from ..checks import Curve, Note, Plot, Result, Table
 from ..fmu import DEFAULT_PATH, DEFAULTS, K2, NATIVE_NAME, W02, Experiment, Fmu, SolverMethod
 from ..loops import Loop
 from ..races import clock
-from . import carriers, contest, show
+from ..styles import STYLES
+from . import carriers, contest
 from .compiler import NoCompilerError
 from .contest import Rung
 from .judging import GROUPS, raced
@@ -190,7 +191,10 @@ def communication(fmu: Fmu) -> Iterator[Result]:
     columns = ("communication step [s]", *(f"{name} [ms]" for name in names))
     rows = [(f"{step:g}", *(f"{1e3 * times[name, step]:.3g}" for name in names)) for step in STEPS]
     yield Table(title, columns, rows)
-    curves = [Curve(name, STEPS, [times[name, step] for step in STEPS], *show.STYLES[name]) for name in names]
+    curves = [
+        Curve(name, STEPS, [times[name, step] for step in STEPS], STYLES[name].line, STYLES[name].marker)
+        for name in names
+    ]
     yield Plot(title, columns[0], "time [s]", curves, "xy", note)
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
+from markupsafe import Markup, escape
+
 from ..checks import About, Check
 
 KINDS = {About.FMU: "FMU", About.FORMULAS: "formulas", About.TIMES: "times"}
@@ -16,6 +20,10 @@ CHECK_COLUMNS = (
     "verdict",
     "reason of the bound",
 )
+# Of the page and, without reasons, of the screen.
+PAGE_COLUMNS = ("check", "about", "measured", "bound", "margin", "verdict", "reason of the bound")
+EXPONENT = re.compile(r"[\d.]+e[+-]\d+")
+SHORT, LONG = 14, 40  # characters of a cell that stays on a line, and of one that gets a column of some width
 
 
 def number(value: float) -> str:
@@ -37,6 +45,19 @@ def is_number(value: object) -> bool:
     return True
 
 
+def unbroken(text: str) -> Markup:
+    """Return a text for a page in which no number breaks at the minus of its exponent."""
+    return Markup(EXPONENT.sub(r'<span class="unbroken">\g<0></span>', str(escape(text))))
+
+
+def style(value: object) -> str:
+    """Return the class of a cell of a page: a number, a text that stays on a line, a long one, or none."""
+    if is_number(value):
+        return "number"
+    length = len(str(value))
+    return "short" if length <= SHORT else "long" if length > LONG else ""
+
+
 def check_values(check: Check) -> tuple[str | float, ...]:
     """Return a check as values of `CHECK_COLUMNS`; numbers keep all their digits."""
     return (
@@ -52,12 +73,8 @@ def check_values(check: Check) -> tuple[str | float, ...]:
     )
 
 
-def check_cells(check: Check) -> tuple[str, ...]:
-    """Return a check as the cells of `CHECK_COLUMNS`."""
-    return tuple(value if isinstance(value, str) else number(value) for value in check_values(check))
-
-
-def short_cells(check: Check) -> tuple[str, ...]:
-    """Return a check as its name, number, bound and reason."""
-    name, _, measured, relation, bound, unit, *_, reason = check_cells(check)
-    return name, f"{measured} {unit}".strip(), f"{relation} {bound}", reason
+def page_cells(check: Check) -> tuple[str, ...]:
+    """Return a check as the cells of `PAGE_COLUMNS`."""
+    cells = (value if isinstance(value, str) else number(value) for value in check_values(check))
+    name, about, measured, relation, bound, unit, margin, verdict, reason = cells
+    return name, about, f"{measured} {unit}".strip(), f"{relation} {bound}", margin, verdict, reason

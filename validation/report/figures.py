@@ -5,36 +5,20 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import About, Check, Curve, Maps, Plot
+from ..styles import INK, STYLES
 from .section import Section
 
-INK = "#010203"  # of axes and text; in a page it is the colour of the text around the picture
-COLOURS = (INK, "#b8862b", "#8a8a8a", "#7a4ea3", "#5f9e33", "#d0552b", "#2a9a9a", "#3c78b4")
-# A solver has its colour in all pictures; the names are parts of the labels of curves, of which the first in this
-# order counts. A rival has that of the method that it is most like.
-SOLVERS = {
-    "ExplicitEuler": "#8a8a8a",
-    "ExplicitMidPoint2": "#5f9e33",
-    "ExplicitRungeKutta4": "#2f7fd1",
-    "ImplicitEuler": "#c49a00",
-    "ImplicitTrapezoid": "#9066c0",
-    "TRBDF2": "#2a9a9a",
-    "SDIRK4": "#d0552b",
-    "TaylorSeries": INK,
-    "RK45": "#5f9e33",
-    "DOP853": "#2f7fd1",
-    "LSODA": "#d0552b",
-    "Radau": "#c49a00",
-    "BDF": "#9066c0",
-    "odeint": INK,
-    "heyoka": "#2f7fd1",
-    "RK4": "#2f7fd1",
-}
+COLOURS = (INK, "#b8862b", "#8a8a8a", "#9066c0", "#5f9e33", "#d0552b", "#2a9a9a", "#3c78b4")
+# Part of a label -> colour of the curve; the first one counts, so that RK45 comes before RK4.
+SOLVERS = {name: style.colour for name, style in STYLES.items()}
+SOLVERS["RK4"] = SOLVERS["ExplicitRungeKutta4"]
 STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -52,13 +36,17 @@ STYLE: Any = {
 }
 ELEMENT = re.compile(r' id="[A-Za-z0-9.]+_\d+"')  # names that matplotlib gives in every picture
 POINTS = 2000  # of a curve at most, about
+MARKED = 80  # points of a line at most, each of which shows its marker
+SIZES = dict.fromkeys("x+1234*", 6) | {".": 7}  # of markers of thin strokes, and of small ones; 4 of others
+FEW = 8  # places on an axis, each of which has its number
 WIDEST = 1e6  # margins beyond it are drawn at this one
 MARKS = {About.FMU: ("o", "#2f7fd1"), About.FORMULAS: ("x", "#8a8a8a"), About.TIMES: ("^", "#d0552b")}
 
 
 def svg(plot: Plot | Maps) -> str:
     """Return a picture as an element of a page; it is the same for the same data."""
-    return _element(_drawn(plot, "svg", {"svg.hashsalt": plot.title}, {"Date": None, "Creator": None}))
+    drawn = _drawn(plot, "svg", {"svg.hashsalt": plot.title}, {"Date": None, "Creator": None})
+    return _element(drawn, plot.title)
 
 
 def png(plot: Plot | Maps) -> bytes:
@@ -71,9 +59,11 @@ def _drawn(plot: Plot | Maps, kind: str, style: dict[str, Any], metadata: dict[s
         return _saved(_maps(plot) if isinstance(plot, Maps) else _plot(plot), kind, metadata)
 
 
-def _element(data: bytes) -> str:
+def _element(data: bytes, name: str) -> str:
+    """Return a picture without what stands before it, with the name that a screen reader says."""
     text = data.decode("utf-8")
-    return ELEMENT.sub("", text[text.index("<svg") :]).replace(INK, "currentColor")
+    text = ELEMENT.sub("", text[text.index("<svg") :]).replace(INK, "currentColor")
+    return text.replace("<svg", f'<svg role="img" aria-label="{escape(name)}"', 1)
 
 
 def _pyplot() -> Any:
@@ -110,7 +100,9 @@ def _plot(plot: Plot) -> Any:
         shaded = np.ma.masked_equal(
             np.asarray(values, dtype=float), 0.0
         )  # the rest stays the colour of the page
-        upper.pcolormesh(x, y, shaded, cmap="Greys", vmin=0.0, vmax=2.0, shading="nearest", rasterized=True)
+        upper.pcolormesh(
+            x, y, shaded, cmap="Greys", vmin=0.0, vmax=2.0, alpha=0.5, shading="nearest", rasterized=True
+        )
     _curves(upper, plot.curves, plot.logarithmic)
     upper.set(title=plot.title, ylabel=plot.y_label)
     if plot.y_range is not None:
@@ -176,18 +168,26 @@ def _curves(axes: Any, curves: Sequence[Curve], logarithmic: str, legend: bool =
     for i, curve in enumerate(curves):
         colours[curve.label] = colours[curve.like] if curve.like else _colour(curve.label, i)
         every = max(1, len(np.asarray(curve.x)) // POINTS)
+        x, y = np.asarray(curve.x)[::every], np.asarray(curve.y)[::every]
         axes.plot(
-            np.asarray(curve.x)[::every],
-            np.asarray(curve.y)[::every],
+            x,
+            y,
             color=colours[curve.label],
             linestyle=curve.line or "none",
             marker=curve.marker,
-            markersize=4,
+            markersize=SIZES.get(curve.marker, 4),
+            # Markers of a curve of many points stand a tenth of the picture apart, those of the next one beside them.
+            markevery=(0.1 * (i % 8) / 8, 0.1) if curve.line and len(x) > MARKED else None,
             linewidth=1.3,
+            zorder=2 if curve.line else 3,  # points lie upon lines
             label=curve.label,
         )
     for axis in logarithmic:
         getattr(axes, f"set_{axis}scale")("log")
+    few = np.unique(np.concatenate([np.asarray(curve.x, dtype=float) for curve in curves]))
+    if "x" in logarithmic and len(few) <= FEW and few[-1] < 30 * few[0]:  # the powers of ten say too little
+        axes.set_xticks(few, [f"{x:.3g}" for x in few])
+        axes.minorticks_off()
     if legend and any(curve.label for curve in curves):
         axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0))
     axes.grid(True)
@@ -215,11 +215,13 @@ def margins(sections: Sequence[Section]) -> str:
                 axes.plot([_margin(row) for row in rows], i + shift, marker, color=colour, markersize=3.5)
         axes.set_xscale("log")
         axes.axvline(1.0, color=INK, linewidth=1.0)
-        axes.set_yticks(range(len(shown)), [section.name for section in shown])
+        axes.set_yticks(range(len(shown)), [section.short_title for section in shown])
         axes.set(xlabel="margin: bound/measured, or measured/bound of a lower bound; a row left of 1 fails")
         axes.invert_yaxis()
         axes.grid(True, axis="x")
-        return _element(_saved(figure, "svg", {"Date": None, "Creator": None}))
+        return _element(
+            _saved(figure, "svg", {"Date": None, "Creator": None}), "Margins of all rows by study"
+        )
 
 
 def _margin(check: Check) -> float:

@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from ..checks import Maps, Note, Plot, Result, Table
 from . import figures
-from .cells import CHECK_COLUMNS, cell, check_cells, check_values, is_number, short_cells
+from .cells import CHECK_COLUMNS, PAGE_COLUMNS, cell, check_values, page_cells, style, unbroken
 from .section import Section, counts, summary
 from .words import GLOSSARY, TASKS
 
@@ -58,17 +58,16 @@ def render(sections: Sequence[Section], fmu: Path, draw: Draw | None) -> str:
     environment.filters |= {
         "all_hold": lambda checks: all(check.holds for check in checks),
         "cell": cell,
-        "cells": check_cells,
-        "short_cells": short_cells,
+        "cells": page_cells,
         "failing_first": lambda checks: sorted(checks, key=lambda check: check.holds),
-        "is_number": is_number,
         "kind": lambda result: type(result).__name__,
-        "short": lambda title: title.split(":")[0],
+        "style": style,
+        "unbroken": unbroken,
     }
     return environment.get_template("page.html.j2").render(
-        CHECK_COLUMNS=CHECK_COLUMNS,
         GLOSSARY=GLOSSARY,
         LONG=LONG,
+        PAGE_COLUMNS=PAGE_COLUMNS,
         TASKS=TASKS,
         counts=counts(sections),
         failing=[check for section in sections for check in section.checks if not check.holds],

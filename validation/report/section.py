@@ -20,6 +20,11 @@ class Section:
     formula: str
     results: Sequence[Result]
 
+    @property
+    def short_title(self) -> str:
+        """The title up to its colon."""
+        return self.title.split(":")[0]
+
     def of(self, kind: type[Kind]) -> list[Kind]:
         """Return the results of a kind."""
         return [result for result in self.results if isinstance(result, kind)]

@@ -122,17 +122,22 @@ class FreeScene(Scene):
         )
         shown = run.t <= 20
         yield Plot(
-            self.name[0].upper() + self.name[1:],
+            f"{self.name[0].upper()}{self.name[1:]}{', the first 20 s' if self.stop > 20 else ''}",
             "t [s]",
             "phi [1e-9 rad]",
             [
                 Curve("FMU, RK4", run.t[shown][::4], run["phi"][shown][::4] / SMALL, "", "."),
                 Curve("exact", run.t[shown], exact[0][shown]),
             ],
-            note="c1*exp((-k2 + i*sqrt(nabla))*t/2) + c2*exp((-k2 - i*sqrt(nabla))*t/2), the roots corrected, from "
-            f"an initial angle and rate{', the first 20 s' if self.stop > 20 else ''}. Below: distance of the states.",
+            note="A small swing from an initial angle and rate. Exact: "
+            + (
+                "(c1 + c2*t)*exp(-k2*t/2), as the two roots are one"
+                if self.k2 == 2 * W0
+                else "c1*exp(s1*t) + c2*exp(s2*t), s1, s2 the roots of s^2 + k2*s + w02, which the document misprints"
+            )
+            + ". Below: the distance of the states, RK4's error and rounding.",
             below=[Curve("FMU less exact", run.t[shown][1:], error[shown][1:] / peak)],
-            below_label="relative to the peak",
+            below_label="|error|/peak",
             below_logarithmic="y",
         )
 

@@ -272,7 +272,8 @@ def _hold_plot(scene: HoldScene, run: Run) -> Plot:
             Curve("exact", run.t, exact),
             Curve("drive/w02", run.t, u, ":"),
         ],
-        note=f"Held from the middle of steps of {scene.steps[-1]:g} s. Below: what holding costs.",
+        note=f"The FMU gets the drive of the middle of each communication step of {scene.steps[-1]:g} s, and holds "
+        "it for all of the step; the points lie on the exact line. Below: what holding costs.",
         below=[Curve("FMU less exact", run.t, run["phi"] / SMALL - exact)],
         below_label="error [s2]",
     )
@@ -281,9 +282,9 @@ def _hold_plot(scene: HoldScene, run: Run) -> Plot:
 def _law_plot(scene: HoldScene, errors: Mapping[str, Sequence[float]], interpolates: bool) -> Plot:
     H = scene.steps
     curves = []
-    for way, marker in zip(INPUTS, "osd^", strict=True):
+    for way, line, marker in zip(INPUTS, ("-", "--", ":", "-."), "osd^", strict=True):
         exact = [largest(np.abs(_cost(scene, step, way))) for step in H]
-        curves.append(Curve(f"{way.name}, exact", H, exact))
+        curves.append(Curve(f"{way.name}, exact", H, exact, line))
         if way.name in errors:
             curves.append(Curve(f"{way.name}, FMU", H, errors[way.name], "", marker, like=curves[-1].label))
     return Plot(

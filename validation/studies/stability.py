@@ -17,6 +17,7 @@ from ..checks import Check, Curve, Note, Plot, Result, Table, formula
 from ..fmu import W0, W02, Experiment, Fmu, SolverMethod
 from ..metrics import NEXT, SAFETY, UNIT, Array, largest, six_digits
 from ..references.methods import METHODS, linear_radius
+from ..styles import STYLES
 from .scene import Case, Scene
 
 TITLE = "Stability"
@@ -407,13 +408,15 @@ def _regions(_: Fmu) -> Iterator[Result]:
     curves = []
     for method in SolverMethod:
         z = unit_curve(method.name, 12.0)
-        curves.append(Curve(method.name, z.real, z.imag))
+        curves.append(Curve(method.name, z.real, z.imag, marker=STYLES[method.name].marker))
     yield Plot(
         "|R(z)| = 1 in the plane of z = h*lambda",
         "Re(h*lambda)",
         "Im(h*lambda)",
         curves,
-        note="The explicit methods are stable inside their curves, the implicit ones outside, on all of the left side.",
+        note="The explicit methods are stable inside their curves, the implicit ones outside: on all of the left "
+        "side, where h*lambda of motions that decay lies. SDIRK4's curve closes beyond the picture, "
+        "ImplicitTrapezoid's is the axis.",
     )
 
 

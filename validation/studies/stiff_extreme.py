@@ -561,7 +561,7 @@ def _chaos(fmu: Fmu) -> Iterator[Result]:
             Curve("Taylor series, 40 digits", [0, *ends], [CHAOTIC_START, *CHAOS.values()], "", "o"),
             Curve("FMU, RK4, drive held over 0.1 s", run.t, run["phi"], ":"),
         ],
-        note="The drive held over 0.1 s is another drive: from 60 s on it leads elsewhere. The FMU follows each to "
+        note="The drive held over 0.1 s is another drive: from 55 s on it leads elsewhere. The FMU follows each to "
         "its own accuracy. Below: its error for the held drive, against the Taylor series in 50 digits, and what an "
         "error of rounding size grows to.",
         below=[

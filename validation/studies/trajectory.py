@@ -103,8 +103,8 @@ class JacobiScene(Scene):
                 Curve("exact", t.tolist(), remedy.tolist()),
                 Curve("2*asin(k*sn) with SciPy's ellipj", t.tolist(), textbook.tolist(), "--"),
             ],
-            note="For m >= 1 - 1e-10 SciPy's ellipj is right up to the first quarter of the period only; the sums of "
-            "DLMF 22.11 return.",
+            note="For m >= 1 - 1e-10 SciPy's ellipj is right for |u| <= K only, here for the first half of the "
+            "period, and then stays at the turning point; the sums of DLMF 22.11 return to the start.",
         )
 
 
@@ -206,7 +206,9 @@ def _pictures(scene: MotionScene, run: Run, exact: references.State) -> Iterator
         "t [s]",
         "phi [rad]",
         [Curve("FMU, RK4", run.t[::every], run["phi"][::every], "", "."), Curve("exact", run.t, exact[0])],
-        note=f"RK4 with h = {1e3 * scene.substep:g} ms. Below: the error of the state, and RK4's own in theory.",
+        note=f"RK4 with h = {1e3 * scene.substep:g} ms: the points of the FMU lie on the exact line. Below: the "
+        "distance of the states, and, as theory has it, the error of RK4 itself. Where the lines are one, nothing "
+        "else is wrong.",
         below=[
             Curve(
                 "FMU less exact",
