@@ -258,6 +258,7 @@ def test_what_cannot_be_written_is_one_line_and_status_2(
     assert result.returncode == 2
     assert words in result.stderr
     assert len(result.stderr.splitlines()) == 1
+    assert list(tmp_path.glob("*.partial")) == []
 
 
 @pytest.mark.parametrize("arrived", [signal.SIGINT, signal.SIGTERM])

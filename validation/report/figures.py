@@ -97,9 +97,7 @@ def _plot(plot: Plot) -> Any:
     upper, lower = axes[0, 0], axes[-1, 0]
     if plot.shade is not None:
         x, y, values = plot.shade
-        shaded = np.ma.masked_equal(
-            np.asarray(values, dtype=float), 0.0
-        )  # the rest stays the colour of the page
+        shaded = np.ma.masked_equal(np.asarray(values, dtype=float), 0.0)  # 0 stays the colour of the page
         upper.pcolormesh(
             x, y, shaded, cmap="Greys", vmin=0.0, vmax=2.0, alpha=0.5, shading="nearest", rasterized=True
         )
@@ -108,9 +106,8 @@ def _plot(plot: Plot) -> Any:
     if plot.y_range is not None:
         upper.set_ylim(*plot.y_range)
     if plot.below:
-        told = {curve.label for curve in plot.below} <= {
-            curve.label for curve in plot.curves
-        }  # by the upper legend
+        labels_above = {curve.label for curve in plot.curves}
+        told = {curve.label for curve in plot.below} <= labels_above
         _curves(
             lower, plot.below, plot.logarithmic.replace("y", "") + plot.below_logarithmic, legend=not told
         )
@@ -128,14 +125,17 @@ def _maps(plot: Maps) -> Any:
     rows = -(-len(plot.panels) // COLUMNS)
     figure = pyplot.figure(figsize=(9.0, 4.2 * rows), dpi=110, layout="constrained")
     blocks = figure.subfigures(2, 1)
-    for block, name in zip(blocks, ("values", "others"), strict=True):
-        label, span = getattr(plot, f"label_of_{name}"), getattr(plot, f"span_of_{name}")
+    halves = (
+        ([panel.values for panel in plot.panels], plot.label_of_values, plot.span_of_values),
+        ([panel.others for panel in plot.panels], plot.label_of_others, plot.span_of_others),
+    )
+    for block, (panels, label, span) in zip(blocks, halves, strict=True):
         block.set_facecolor("none")
         axes = block.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False)
         for axis in axes.flat[len(plot.panels) :]:
             axis.set_visible(False)
-        for axis, panel in zip(axes.flat, plot.panels, strict=False):
-            cells = _cells(axis, np.asarray(getattr(panel, name), dtype=float), span)
+        for axis, panel, values in zip(axes.flat, plot.panels, panels, strict=False):
+            cells = _cells(axis, np.asarray(values, dtype=float), span)
             axis.set_title(panel.title, fontsize="small")
             axis.set_xticks(range(0, len(plot.x), 3), [f"{value:.2g}" for value in plot.x[::3]])
             axis.set_yticks(range(0, len(plot.y), 2), [f"{value:g}" for value in plot.y[::2]])

@@ -16,6 +16,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..checks import Maps, Note, Plot, Result, Table
+from ..race.machine import cpu
 from . import figures
 from .cells import CHECK_COLUMNS, PAGE_COLUMNS, cell, check_values, page_cells, style, unbroken
 from .section import Section, counts, summary
@@ -41,8 +42,11 @@ def write(sections: Sequence[Section], folder: Path, fmu: Path, draw: Draw | Non
             )
     page = folder / "index.html"
     partial = page.with_suffix(".partial")
-    partial.write_text(render(sections, fmu, draw), "utf-8")
-    partial.replace(page)
+    try:
+        partial.write_text(render(sections, fmu, draw), "utf-8")
+        partial.replace(page)
+    finally:
+        partial.unlink(missing_ok=True)
     return page
 
 
@@ -116,16 +120,6 @@ def provenance(fmu: Path) -> str:
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     day = datetime.now(UTC).date().isoformat()
     return (
-        f"{fmu.name}, SHA-256 {digest}; {day}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
-        f"{_processor()}; Python {platform.python_version()}, {versions}"
+        f"{fmu.name}, SHA-256 {digest}; {day}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores "
+        f"({cpu()}); Python {platform.python_version()}, {versions}"
     )
-
-
-def _processor() -> str:
-    """Return the model of the processor where the system tells it."""
-    try:
-        text = Path("/proc/cpuinfo").read_text("utf-8")
-    except OSError:
-        return ""
-    model = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
-    return f" ({model[1]})" if model else ""
