@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache, partial
-from math import factorial, floor, hypot, log, nan, pi, sqrt
+from math import factorial, floor, hypot, isfinite, isnan, log, nan, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +107,16 @@ class LimitScene(Scene):
                 six_digits(limit) + _last_digit(digits) / limit,
                 f"{digits} s; the message has six digits: half a unit of the last one",
             )
+            above, below = (
+                _warned_limit(fmu, self.method, k2, limit * (1 + x)) for x in (uncertain, -uncertain)
+            )
+            yield Check(
+                f"{name}: where the warning begins",
+                float(isfinite(above)) + float(isnan(below)),
+                2,
+                f"{digits} s; a relative {uncertain:.1e} above it there is one, as much below it there is none",
+                at_least=True,
+            )
             rows.append((f"{k2:g}", f"{measured:.10g}", f"{warned:.6g}", f"{theory:.10g}"))
         if self.method is SolverMethod.ExplicitRungeKutta4:
             *others, last = (method.name for method in UNLIMITED)
@@ -133,9 +143,8 @@ def _flatness(radius: Callable[[float], float], limit: float) -> float:
     return MAP / ((above - below) / 2e-4)
 
 
-def _warned_limit(fmu: Fmu, method: SolverMethod, k2: float) -> float:
-    """Return the limit [s] that the FMU names when it warns of a step beyond it, NaN if it does not."""
-    h = 100.0
+def _warned_limit(fmu: Fmu, method: SolverMethod, k2: float, h: float = 100.0) -> float:
+    """Return the limit [s] that the FMU names when it warns of a step of `h` [s] beyond it, NaN if it does not."""
     start = {"gamma": k2, "phi_start": SMALL, "solver.method": method, "solver.stepSize": h}
     warnings = " ".join(fmu.run(Experiment(1e-9, 1e-9, start, record=())).warnings)
     found = WARNED.search(warnings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import cache, partial
-from math import cos, cosh, expm1, isfinite, log, pi, sin, sqrt, ulp
+from math import cos, expm1, isfinite, log, pi, sin, sqrt, ulp
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from ..metrics import (
 )
 from ..references import discrete, taylor
 from ..references.methods import METHODS, rk4_lag
+from .methods import magnification
 from .scene import Case
 
 TITLE = "Stiff and extreme cases"
@@ -102,16 +103,32 @@ def _near_upright(fmu: Fmu) -> Iterator[Result]:
             f"passage of the lowest point, {wander:.1e} rad at the next turning point",
             "s",
         )
+    yield _at_pi(fmu)
+
+
+def _at_pi(fmu: Fmu) -> Check:
+    """Start at the double next to pi, 1.2e-16 rad off the top, and hold the distance against how far it can grow."""
+    h, n = 0.1, 30
+    shares = []
     for method in SolverMethod:
-        start = undamped(phi_start=pi) | {"solver.method": method, "solver.stepSize": 0.1}
-        phi = fmu.run(Experiment(3.0, 0.1, start))["phi"]
-        yield Check(
-            f"start at math.pi, {method.name}, 3 s",
-            largest(np.abs(phi - pi)),
-            sin(pi) * cosh(W0 * 3.0),
-            "no further than the exact motion: the double pi is 1.2e-16 rad off the top, times cosh(w0*t)",
-            "rad",
+        start = undamped(phi_start=pi) | {"solver.method": method, "solver.stepSize": h}
+        phi = fmu.run(Experiment(n * h, h, start))["phi"]
+        known = METHODS[method.name]
+        R = abs(known.stability(h * W0))
+        # Each stage rounds the angle; the last one sums them, and the others' roundings come with the accelerations.
+        stages, weight = (1, 0.0) if known.tableau is None else (len(known.tableau.A), known.tableau.weight)
+        step = SIGMAS * ulp(pi) / sqrt(12) * stages * (1 + h * W0 * weight)
+        shares.append(
+            largest(np.abs(phi - pi)) / (sin(pi) * R**n + step * sqrt((R ** (2 * n) - 1) / (R**2 - 1)))
         )
+    return Check(
+        f"start at math.pi, all methods, {n * h:g} s: distance from the top",
+        largest(shares),
+        1.0,
+        f"of the distance of the double from pi, grown R(h*w0)-fold in each of {n} substeps, and {SIGMAS:g} sigma of "
+        "the roundings of the angle, which grow with it; a move of less than half of its last digit is none, so that "
+        "most of this is not reached",
+    )
 
 
 def _energy_walk(amplitude: float) -> float:
@@ -293,16 +310,21 @@ def _upwards(fmu: Fmu) -> Iterator[Result]:
     start, phi0, stop = undamped(g=-W02, phi_start=0.1), 0.1, 5.0
     run = fmu.run(Experiment(stop, 1.0, start, record=("phi", "E")))
     swing = pi - phi0
+    times = np.linspace(0, stop, 501)
+    motion, near = (references.motion(times, swing - shift, 0.0, W02) for shift in (0.0, NEAR))
+    growths = growth(motion, near, W0)
     for i, exact, rk4 in UPWARDS:
-        slope = references.period_slope(swing, W02) * abs(references.libration(float(i), swing, W02)[1])
-        rounding = walk(i / SUBSTEP) * 2 * pi * (1 + float(slope))
+        until = times <= i
+        most, grown = largest(np.abs(pi - motion[0][until])), float(growths[until][-1])
         yield Check(
             f"g = -9.80665 m/s2 from 0.1 rad, {i} s: error beyond that of RK4",
             abs(run["phi"][i] - exact - rk4),
-            rounding,
-            f"{exact:.15g} rad; RK4's error {rk4:.3e} rad; {SIGMAS:g} sigma of rounding, through the period's slope",
+            walk(i / SUBSTEP) * most * grown,
+            f"{exact:.15g} rad; RK4's error {rk4:.3e} rad; {SIGMAS:g} sigma of rounding of up to {most:.3g} rad, grown "
+            f"{grown:.3g}-fold at most, as neighbouring motions grow apart",
             "rad",
         )
+    yield from _runaways(fmu)
     expected = -2 * W02 * sin(phi0 / 2) ** 2
     yield Check(
         "g = -9.80665 m/s2: energy at the start",
@@ -327,6 +349,24 @@ def _upwards(fmu: Fmu) -> Iterator[Result]:
         f"sign of g; {SIGMAS:g} sigma of rounding, grown {grown:.3g}-fold at most, as neighbouring motions grow apart",
         "rad",
     )
+
+
+def _runaways(fmu: Fmu) -> Iterator[Check]:
+    """Leave the unstable equilibrium of gravity upwards from 1e-200 rad, where nothing but the angle is rounded."""
+    h, n, phi0 = 0.1, 30, 1e-200
+    for method in SolverMethod:
+        start = undamped(g=-W02, phi_start=phi0) | {"solver.method": method, "solver.stepSize": h}
+        run = fmu.run(Experiment(n * h, h, start, record=("phi", "w")))
+        R = METHODS[method.name].stability
+        rising, falling = (R(sign * h * W0).real ** n for sign in (1, -1))
+        exact = np.array([(rising + falling) / 2]), np.array([W0 * (rising - falling) / 2])
+        yield Check(
+            f"g = -9.80665 m/s2 from {phi0:g} rad, {method.name}, {n} substeps of {h:g} s",
+            state_error(run["phi"][-1:] / phi0, run["w"][-1:] / phi0, exact) / rising,
+            n * 7 * UNIT * magnification(method),
+            f"(R(h*w0)^n + R(-h*w0)^n)/2 = {exact[0][0]:.6g}, and the rate, relative to R(h*w0)^n; four roundings of a "
+            "substep of the FMU, three here, magnified by the coefficients with which stages enter the last one",
+        )
 
 
 # Stiff drag
@@ -376,9 +416,9 @@ def _overdamped(fmu: Fmu) -> Iterator[Result]:
 
 def _communication(fmu: Fmu) -> Iterator[Result]:
     """Show that the answer does not depend on how the importer cuts the time."""
-    amplitude, stop = pi / 2, 6.0
+    amplitude, stop, h = pi / 2, 6.0, 5e-3
     exact = references.libration(stop, amplitude, W02)
-    start = undamped(phi_start=amplitude)
+    start = undamped(phi_start=amplitude) | {"solver.stepSize": h}
     rng = np.random.default_rng(1)
     cuts = {
         "1 s": np.arange(0.0, 6.5, 1.0),
@@ -395,18 +435,18 @@ def _communication(fmu: Fmu) -> Iterator[Result]:
     T = references.period(amplitude, W02)
     # A rounding of the amplitude moves the phase by what the period makes of it.
     runaway = 2 * pi * stop / T * amplitude * references.period_slope(amplitude, W02) / T
-    rounding = walk(stop / SUBSTEP) * amplitude * (1 + runaway)
     for name, times in cuts.items():
         t = times.tolist()
         run = fmu.run(Experiment(stop, SUBSTEP, start, record=("phi", "w"), points=t))
-        phi, w = discrete.motion(RK4, t, amplitude, 0.0, 0.0, W02, SUBSTEP)
-        truncation = state_error(phi[-1:], w[-1:], exact)
+        own = discrete.motion(RK4, t, amplitude, 0.0, 0.0, W02, h)
+        truncation = state_error(own[0][-1:], own[1][-1:], exact)
+        substeps = float(np.sum(np.ceil(np.diff(times) / h)))
         yield Check(
-            f"communication step {name}",
-            state_error(run["phi"][-1:], run["w"][-1:], exact),
-            truncation + rounding,
-            f"the error {truncation:.3e} rad of RK4's discrete motion over the same communication steps, which carry "
-            f"the rounding of the clock, and {SIGMAS:g} sigma of rounding {rounding:.1e} rad",
+            f"communication step {name}: error beyond that of RK4",
+            state_error(run["phi"], run["w"], own),
+            2 * walk(substeps) * amplitude * (1 + runaway),
+            f"at all points against RK4's discrete motion with h = {h:g} s, {truncation:.3e} rad off at the end, over "
+            f"the same steps, which carry the rounding of the clock; {SIGMAS:g} sigma of rounding, of both runs",
             "rad",
         )
 
@@ -416,6 +456,7 @@ def _substeps(fmu: Fmu) -> Iterator[Result]:
     for name, begin, more, expected in (
         ("", 0.0, 0.0, range(1, 101)),
         (", each half a one shorter", 0.0, -0.5, range(1, 101)),
+        (", each 1e-13 s longer", 0.0, 1e-10, range(2, 102)),
         (" from 1e6 s, rounded to 1.2e-10 s", 1e6, 0.0, range(1, 101)),
         (" from 1e6 s, each 1e-6 s longer", 1e6, 1e-3, range(2, 102)),
     ):
