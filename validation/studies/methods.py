@@ -155,8 +155,8 @@ def _longest_substeps(fmu: Fmu) -> Iterator[Result]:
             f"{method.name} divides substeps from {longest / diagonal:.6g} s on",
             largest(errors),
             2 * 7 * UNIT * pi * magnification(method),
-            f"{diagonal:.4g}*h = (k2 + sqrt(k2^2 + 4*w02))/(2*w02), k2 = {k2:g}/s, w02 = {w02:g}/s2: the discrete motion "
-            "has one substep a relative 1e-8 below, two as much above; roundings as before, of angles below pi",
+            f"{diagonal:.4g}*h = (k2 + sqrt(k2^2 + 4*w02))/(2*w02), k2 = {k2:g}/s, w02 = {w02:g}/s2: one substep of "
+            "the discrete motion a relative 1e-8 below, two as much above; roundings as before, of angles below pi",
             "rad",
         )
 
