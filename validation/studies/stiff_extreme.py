@@ -330,8 +330,8 @@ def _upwards(fmu: Fmu) -> Iterator[Result]:
         "g = -9.80665 m/s2: energy at the start and at 1 to 5 s",
         largest(np.abs(run["E"] - (kinetic + potential)) / (kinetic - potential)),
         7 * UNIT,
-        "m*L^2*w^2/2 + 2*m*g*L*sin(phi/2)^2, which has the sign of g, relative to both terms; four roundings of the FMU, "
-        "three here",
+        "m*L^2*w^2/2 + 2*m*g*L*sin(phi/2)^2, whose second term has the sign of g, relative to both; four roundings of "
+        "the FMU, three here",
     )
     h, divided = 0.6, 0.3
     start |= {"solver.method": SolverMethod.ImplicitEuler, "solver.stepSize": h}
