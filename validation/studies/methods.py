@@ -27,6 +27,9 @@ RUNGE_KUTTA = tuple(method for method in SolverMethod if METHODS[method.name].ta
 
 # The discrete motion
 
+# A drive [1/s2] and its derivatives by time when a communication step begins, a row each.
+CUBICS = np.array(((0.3, -0.5, 0.8, -0.7), (-0.2, 0.6, -0.4, 0.9), (0.1, 0.2, 0.3, 0.4)))
+
 
 @dataclass(frozen=True)
 class SubstepScene(Scene):
@@ -88,14 +91,12 @@ class SubstepScene(Scene):
         )
         if not fmu.interpolates:
             return
-        cubics = [
-            [0.3, -0.5, 0.8, -0.7],
-            [-0.2, 0.6, -0.4, 0.9],
-            [0.1, 0.2, 0.3, 0.4],
-        ]  # and rates, a row a step
-        experiment = Experiment(9 * h, 3 * h, start, record=("phi", "w"), inputs=J * np.array(cubics))
+        H = 3 * h
+        experiment = Experiment(3 * H, H, start, record=("phi", "w", "a"), inputs=J * CUBICS)
         run = fmu.run(experiment)
-        exact = discrete.motion(self.method.name, experiment.times(), phi0, rate0, k2, W02, h, cubics)
+        exact = discrete.motion(
+            self.method.name, experiment.times(), phi0, rate0, k2, W02, h, CUBICS.tolist()
+        )
         yield Check(
             f"substeps of {self.method.name} under a torque that is a cubic in each step of three",
             state_error(run["phi"], run["w"], exact),
@@ -103,6 +104,14 @@ class SubstepScene(Scene):
             "at the end of each step; as before, and three roundings of the torque here and there; it is taken at the "
             "nodes of the tableau, or as a series",
             "rad",
+        )
+        ends = CUBICS @ (1, H, H**2 / 2, H**3 / 6)
+        terms = np.array((ends, -k2 * run["w"][1:], -W02 * np.sin(run["phi"][1:])))
+        yield Check(
+            f"a after steps of {self.method.name} under a torque that is a cubic in each",
+            largest(np.abs(run["a"][1:] - terms.sum(axis=0)) / np.abs(terms).sum(axis=0)),
+            13 * UNIT,
+            "at the end of each step, of the torque there, too; relative to its terms; roundings as before",
         )
 
 
