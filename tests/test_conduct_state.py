@@ -95,6 +95,20 @@ def test_a_restored_state_replaces_everything_in_an_instance_that_ran_otherwise(
         one.free_state(state)
 
 
+def test_a_restored_state_is_the_state_that_was_saved(fmu: Fmu) -> None:
+    """Its times are none of the outputs: that of the start shows in how late a host's clock may be."""
+    with fmu.instance() as one, fmu.instance() as two:
+        assert one.initialize({fmu.plant.mass: 2.0}, time=-2.5, stop=1e9) == OK
+        assert one.step(-2.5, 0.01) == OK
+        assert two.initialize(time=1.0, stop=2.0) == OK
+        state = one.save()
+        assert two.restore(state) == OK
+        again = two.save()
+        assert two.serialize(again) == one.serialize(state)
+        for saved in (state, again):
+            one.free_state(saved)
+
+
 def test_mode_and_stop_time_belong_to_the_state(fmu: Fmu) -> None:
     mass = fmu.plant.mass
     with fmu.instance() as instance:

@@ -37,6 +37,20 @@ def test_a_run_that_fails_ends_without_a_number(fmu_path: Path) -> None:
         assert not Check("stays in the well", float(np.max(np.abs(run["phi"]))), 2.0, "").holds
 
 
+def test_an_output_that_cannot_be_read_is_no_number(fmu_path: Path) -> None:
+    with Fmu(fmu_path) as fmu:
+        run = fmu.run(Experiment(0.2, 0.1, {"w_start": 1e200, "g": 0.0, "gamma": 0.0}, record=("E",)))
+        assert "E is out of the range of a double" in run.failure
+        assert np.isnan(run["E"]).tolist() == [True, True, True]
+
+
+def test_a_torque_that_is_refused_ends_the_run(native_path: Path) -> None:
+    with Fmu(native_path) as fmu:
+        run = fmu.run(Experiment(0.2, 0.1, inputs=np.array([[0.0, 1.0], [0.0, inf]])))
+        assert "derivative of order 1 of tau = inf" in run.failure
+        assert np.isnan(run["phi"]).tolist() == [False, False, True]
+
+
 def test_a_stability_map_counts_what_is_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
     rk4 = SolverMethod.ExplicitRungeKutta4
 
@@ -62,7 +76,8 @@ def test_a_run_that_ends_without_a_number_is_on_the_wrong_side() -> None:
 
 def test_the_worst_frequency_is_the_one_without_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = next(s for s in grillo.SCENES if isinstance(s, grillo.FrequencyScene))
-    answers = iter([1.0 + 0j, *[complex(nan)] * (len(scene.frequencies) - 1)])
+    right = 1.0 + 0j
+    answers = iter([(right, right, 1.0), *[(complex(nan), right, 1.0)] * (len(scene.frequencies) - 1)])
     monkeypatch.setattr(grillo, "measured_response", lambda *_: next(answers))
     rows = [result for result in scene.run(None) if isinstance(result, Check)]  # type: ignore[arg-type]
     assert len(scene.frequencies) > 1

@@ -360,11 +360,36 @@ def test_rk4_under_a_held_drive_is_its_discrete_motion_for_small_angles():
         assert np.max(np.abs(motion[1] / small - w)) <= 24 * 4 * EPS * np.max(np.abs(w))
 
 
+def test_rk4_from_a_start_is_the_sum_of_free_evolution_and_response():
+    u, H, h, start = [1.0, -2.0, 0.5], 0.3, 0.04, (0.7, -1.1)
+    for k2 in (0.002, 5.0):
+        steps = 8 * np.arange(4)  # 8 substeps of 37.5 ms
+        free = references.rk4_evolution(steps, *start, k2, W02, H / 8)
+        driven = references.rk4_response(u, H, k2, W02, h)
+        for both, *parts in zip(references.rk4_response(u, H, k2, W02, h, start), free, driven, strict=True):
+            assert np.max(np.abs(both - sum(parts))) <= 24 * 4 * EPS * W0
+
+
+def test_roundings_of_increments_add_up_to_what_the_motion_carries_on():
+    H, k2, n, eps = 0.02, 0.5, 400, 1e-6
+    t = H * np.arange(n)
+    drive = np.sin(3 * t)
+    state = references.polynomial_response(drive[:, np.newaxis], H, k2, W02)
+    carried = references.response_rounding(state, drive, H, k2, W02)
+    # Increments that are all larger by eps: the motion of a pendulum that is faster by eps, and so is its drive.
+    fast = references.polynomial_response(
+        (1 + eps) ** 2 * drive[:, np.newaxis], H, (1 + eps) * k2, (1 + eps) ** 2 * W02
+    )
+    moved = np.max(np.abs(fast[0] - state[0])) / eps
+    assert moved <= carried * (1 + 10 * W0 * H)  # sizes of a step are those at its beginning
+    assert carried <= 20 * moved
+
+
 def test_held_response_is_that_of_steps():
     u, H = np.array([1.0, -2.0, 0.5]), 0.3
     t = H * np.arange(4)
     for k2 in (0.002, 50.0):
-        phi, w = references.held_response(u, H, k2, W02)
+        phi, w = references.polynomial_response(u[:, np.newaxis], H, k2, W02)
         jumps = np.diff(u, prepend=0.0)
         exact = [
             sum(

@@ -282,9 +282,8 @@ class Fmu:
         else:
             begin = clock()
             for i, (now, reached) in enumerate(pairwise(times)) if ready else ():
-                if set_torque is not None:
-                    set_torque(i, now)
-                if do_step(component, now, reached - now, fmi2True) > fmi2Warning:
+                refused = set_torque is not None and set_torque(i, now) > fmi2Warning
+                if refused or do_step(component, now, reached - now, fmi2True) > fmi2Warning:
                     rows.append([nan] * len(experiment.record))
                     break
                 if at_each:
@@ -333,14 +332,14 @@ class Fmu:
         get_real, component = slave.dll.fmi2GetReal, slave.component
 
         def read() -> list[float]:
-            if n:
-                get_real(component, references, n, values)
+            if n and get_real(component, references, n, values) > fmi2Warning:
+                return [nan] * n
             return list(values)
 
         return read
 
-    def _torque_setter(self, experiment: Experiment) -> Callable[[int, float], None] | None:
-        """Return what sets the input at the beginning of a communication step, by its number and its time [s]."""
+    def _torque_setter(self, experiment: Experiment) -> Callable[[int, float], int] | None:
+        """Return what sets the input when a communication step begins, by its number and its time [s]: to a status."""
         torque, inputs = experiment.torque, experiment.inputs
         reference, value = (c_uint * 1)(self._reference["tau"]), (c_double * 1)()
         set_real, component = self._slave.dll.fmi2SetReal, self._slave.component
@@ -348,9 +347,10 @@ class Fmu:
             if torque is None:
                 return None
 
-            def set_torque(_: int, now: float) -> None:
+            def set_torque(_: int, now: float) -> int:
                 value[0] = torque(now)
-                set_real(component, reference, 1, value)
+                status: int = set_real(component, reference, 1, value)
+                return status
 
             return set_torque
         if not self.interpolates:
@@ -362,10 +362,13 @@ class Fmu:
         derivatives = (c_double * n)()
         set_derivatives, rows = self._slave.dll.fmi2SetRealInputDerivatives, inputs.tolist()
 
-        def set_polynomial(i: int, _: float) -> None:
+        def set_polynomial(i: int, _: float) -> int:
             value[0], *derivatives[:] = rows[i]
-            set_real(component, reference, 1, value)
-            set_derivatives(component, references, n, orders, derivatives)
+            statuses: list[int] = [
+                set_real(component, reference, 1, value),
+                set_derivatives(component, references, n, orders, derivatives),
+            ]
+            return max(statuses)
 
         return set_polynomial
 

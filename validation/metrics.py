@@ -7,9 +7,10 @@ from math import floor, log2, log10, nan, sqrt
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from .fmu import W0
+from . import references
+from .fmu import W0, W02
 
 # Conventions: numbers that no theory gives, the same for all studies.
 SAFETY = 1.5  # times a leading term whose next one is not computed
@@ -37,6 +38,17 @@ def free_rounding(time: float, substep: float, w0: float = W0) -> float:
     The substep rounds the same way each time, and so does the argument of the exact sine.
     """
     return walk(time / substep) + 2 * UNIT * w0 * time
+
+
+def linear_rounding(state: references.State, drive: ArrayLike, H: float, k2: float) -> float:
+    """Return the round-off of phi in the reference of a driven linear motion, `state` at n*H, steps of `H` [s].
+
+    The state walks. And the increments round the same way each time, twenty times at most: four times in the
+    arithmetic, and with the coefficients of the step, which come of four products, and six squarings with two each.
+    """
+    size = float(np.max(np.hypot(state[0], state[1] / W0)))
+    systematic = 20 * UNIT * references.response_rounding(state, drive, H, k2, W02)
+    return walk(len(state[0])) * size + systematic
 
 
 def state_error(phi: Array, w: Array, exact: tuple[Array, Array], w0: float = W0) -> float:

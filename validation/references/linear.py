@@ -34,30 +34,6 @@ def impulse_response(t: ArrayLike, k2: float, w02: float) -> State:
     return h, np.exp(-fast * t) - slow * h
 
 
-def rk4_error_rate(state: State, k2: float, w02: float, h: float) -> State:
-    """Return the rates at which RK4's errors of phi and w grow along an exact linear motion, h^4/120*A^5*y, as sizes.
-
-    A is the matrix of y' = A*y, y = (phi, w). The defect commutes with the flow, so the error after the time t is t
-    times this.
-    """
-    A = np.array([[0.0, 1.0], [-w02, -k2]])
-    phi, w = h**4 / 120 * np.abs(np.linalg.matrix_power(A, 5) @ np.vstack(state))
-    return phi, w
-
-
-def rk4_error(t: ArrayLike, state: State, k2: float, w02: float, h: float) -> tuple[State, State]:
-    """Return RK4's errors of phi and w along a free linear motion, to the order h^5, and the next term of them.
-
-    A step multiplies by R(h*A) with ln R(z) = z - z^5/120 + z^6/144 - z^7/336 + ..., so that the error after the time t
-    is t*(-h^4*A^5/120 + h^5*A^6/144 - ...) times the motion.
-    """
-    A = np.array([[0.0, 1.0], [-w02, -k2]])
-    fifth, sixth, seventh = (np.linalg.matrix_power(A, n) @ np.array(state) for n in (5, 6, 7))
-    phi, w = np.asarray(t) * (-(h**4) / 120 * fifth + h**5 / 144 * sixth)
-    next_phi, next_w = np.asarray(t) * h**6 / 336 * seventh
-    return (phi, w), (next_phi, next_w)
-
-
 def real_roots(k2: float, w02: float) -> tuple[float, float]:
     """Return the fast and the slow decay rate [1/s] of a strongly damped linear pendulum."""
     fast = k2 / 2 + sqrt(k2 * k2 / 4 - w02)
@@ -112,23 +88,6 @@ def held_step(H: float, k2: float, w02: float) -> tuple[Array, Array]:
     return np.array(columns, dtype=float).T, np.array(step_response(H, k2, w02), dtype=float)
 
 
-def held_response(u: ArrayLike, H: float, k2: float, w02: float) -> State:
-    """Return the linear angle and rate at n*H, n = 0 ... len(u), from rest, the drive u[n] held from n*H to (n+1)*H."""
-    A, b = held_step(H, k2, w02)
-    return _stepped(A, np.outer(np.asarray(u, dtype=float), b))
-
-
-def rk4_step(H: float, k2: float, w02: float, h: float) -> tuple[Array, Array]:
-    """Return A, b as `held_step`, but of RK4 with equal substeps of at most `h` [s].
-
-    About the deflection by the drive a substep multiplies by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z the matrix of
-    y' = A*y times the substep.
-    """
-    n = ceil(H / h * (1 - NOISE))
-    change = _power_less_one(_rk4_change(H / n, k2, w02), n)
-    return np.eye(2) + change, -change @ np.array([1 / w02, 0.0])
-
-
 def rk4_evolution(steps: ArrayLike, phi0: float, rate0: float, k2: float, w02: float, h: float) -> State:
     """Return what RK4 makes of `free_evolution` in so many steps of `h` [s]."""
     start, change = np.array([phi0, rate0]), _rk4_change(h, k2, w02)
@@ -155,36 +114,62 @@ def _power_less_one(change: Array, n: int) -> Array:
     return power
 
 
-def rk4_response(u: ArrayLike, H: float, k2: float, w02: float, h: float) -> State:
-    """Return what RK4 with substeps of at most `h` [s] makes of `held_response`."""
-    A, b = rk4_step(H, k2, w02, h)
-    return _stepped(A, np.outer(np.asarray(u, dtype=float), b))
+def rk4_response(
+    u: ArrayLike, H: float, k2: float, w02: float, h: float, start: tuple[float, float] = (0.0, 0.0)
+) -> State:
+    """Return what RK4 with equal substeps of at most `h` [s] makes of a drive that is held in each step of `H` [s].
+
+    Angle and rate at n*H, n = 0 ... len(u), from `start` [rad, rad/s]. About the deflection by the drive a substep
+    multiplies by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z the matrix of y' = A*y times the substep.
+    """
+    n = ceil(H / h * (1 - NOISE))
+    change = _power_less_one(_rk4_change(H / n, k2, w02), n)
+    return _stepped(change, np.outer(np.asarray(u, dtype=float), -change @ np.array([1 / w02, 0.0])), start)
 
 
 def polynomial_response(rows: ArrayLike, H: float, k2: float, w02: float) -> State:
     """Return the linear angle and rate at n*H, n = 0 ... len(rows), from rest, the drive a polynomial in each step.
 
-    A row has the drive and its derivatives by time at the beginning of the step. The step is the exponential of the
-    system whose states are angle, rate, drive and derivatives.
+    A row has the drive and its derivatives by time at the beginning of the step; the drive alone is held. The change in
+    a step is exp(M) - 1, M the matrix of the system whose states are angle, rate, drive and derivatives, times `H` [s]:
+    a block of the exponential of M and M beside each other, so that it keeps the digits of a short step.
     """
     inputs = np.asarray(rows, dtype=float)
-    n = inputs.shape[1]
-    system = np.eye(2 + n, k=1)
-    system[1, :3] = -w02, -k2, 1.0
-    step = expm(H * system)[:2]
-    return _stepped(step[:, :2], inputs @ step[:, 2:].T)
+    n = 2 + inputs.shape[1]
+    M = np.zeros((2 * n, 2 * n))
+    M[:n, :n] = np.eye(n, k=1)
+    M[1, :3] = -w02, -k2, 1.0
+    M[:n, :n] *= H
+    M[:n, n:] = M[:n, :n]
+    change = expm(M)[:2, n:]
+    return _stepped(change[:, :2], inputs @ change[:, 2:].T)
 
 
-def _stepped(A: Array, added: Array) -> State:
-    """Return angles and rates of y[n + 1] = A*y[n] + added[n] from rest."""
-    (a, b), (c, d) = A.tolist()
-    phi = w = 0.0
+def _stepped(change: Array, added: Array, start: tuple[float, float] = (0.0, 0.0)) -> State:
+    """Return angles and rates of y[n + 1] = y[n] + (change*y[n] + added[n])."""
+    (a, b), (c, d) = change.tolist()
+    phi, w = start
     states = [(phi, w)]
     for x, y in added.tolist():
-        phi, w = a * phi + b * w + x, c * phi + d * w + y
+        phi, w = phi + (a * phi + b * w + x), w + (c * phi + d * w + y)
         states.append((phi, w))
     table = np.array(states)
     return table[:, 0], table[:, 1]
+
+
+def response_rounding(state: State, drive: ArrayLike, H: float, k2: float, w02: float) -> float:
+    """Return what relative roundings of the increments in steps of `H` [s] add up to in phi, in units of one.
+
+    `state` is that of a linear motion at n*H, `drive` [1/s2] that in the steps. If the increments round the same way
+    each time, the motion carries all of it on as its free evolution, which drag ends.
+    """
+    phi, w = (np.abs(x[:-1]) for x in state)
+    t = H * np.arange(len(phi))
+    increments = H * w, H * (w02 * phi + k2 * w + np.abs(drive))
+    total = np.zeros_like(t)
+    for sizes, start in zip(increments, ((1.0, 0.0), (0.0, 1.0)), strict=True):
+        total += np.convolve(sizes, np.abs(free_evolution(t, *start, k2, w02)[0]))[: len(t)]
+    return float(np.max(total))
 
 
 def held_frequency_response(w: float, H: float, k2: float, w02: float) -> tuple[complex, complex]:

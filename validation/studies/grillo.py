@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table, formula
 from ..fmu import SUBSTEP, W0, W02, Experiment, Fmu
-from ..metrics import NEXT, SAFETY, SMALL, free_rounding, largest, state_error, walk
+from ..metrics import SMALL, UNIT, free_rounding, largest, linear_rounding, state_error
 from .scene import Scene
 
 TITLE = "Grillo's exercise: frequency response, free evolution, Gaussian pulse, general solution"
@@ -58,16 +58,15 @@ class FrequencyScene(Scene):
             period = 2 * pi / w
             samples = max(64, ceil(period / 0.02))  # of a period
             H = period / samples
-            sampled = measured_response(fmu, self, w, samples)
+            sampled, own, rounding = measured_response(fmu, self, w, samples)
             held, _ = references.held_frequency_response(w, H, self.k2, W02)
-            rk4 = _forced_error(w, H, self)
-            rounding = walk((self.wait + 2 * period) / SUBSTEP)
             yield Check(
                 f"response at w = {w:.9g} rad/s, {self.name}",
-                abs(sampled / held - 1),
-                SAFETY * rk4 + rounding,
-                f"complex amplitude, relative to (exp(i*w*H) - A)^-1*b, the exact one of the held cosine; {SAFETY} x "
-                f"h^4 error {rk4:.1e} as it adds up or of its periodic solution, round-off {rounding:.1e}",
+                abs(sampled - own) / abs(held),
+                rounding / abs(held),
+                "complex amplitude, relative to (exp(i*w*H) - A)^-1*b, the exact one of the held cosine; RK4 by "
+                f"R(h*A)^n is {abs(own / held - 1):.1e} off; round-off, of which the Fourier sum leaves little off the "
+                "resonance",
             )
             exact = complex(references.frequency_response(w, self.k2, W02))
             measured.append(sampled / references.hold(w, H))
@@ -174,23 +173,19 @@ class DocumentScene(Scene):
             run = fmu.run(Experiment(stop, H, {"phi_start": 0.0}, torque=pulse, begin=begin))
             phi = run["phi"] / SMALL
             start = None if begin < 0 else begin
-            exact, rate = references.gaussian_response(run.t, area, 0.0, 1.0, DOCUMENT_K2, W02, start)
+            exact, _ = references.gaussian_response(run.t, area, 0.0, 1.0, DOCUMENT_K2, W02, start)
             drive = area * np.exp(-(run.t**2) / 2)
-            curvature = drive - DOCUMENT_K2 * rate - W02 * exact
-            if begin == 0:
-                curvature -= area * references.impulse_response(run.t, DOCUMENT_K2, W02)[1]
-            holding = H * H / 24 * curvature
-            most = largest(np.abs(holding))
-            # While it is driven the pendulum moves about the deflection of the drive, in steps of it.
-            own = references.rk4_error_rate((exact - drive / W02, rate), DOCUMENT_K2, W02, SUBSTEP)[0]
-            rk4 = (stop - begin) * largest(own)
+            held = [pulse(t) / SMALL for t in run.t[:-1]]
+            own = references.rk4_response(held, H, DOCUMENT_K2, W02, SUBSTEP)
+            rounding = linear_rounding(own, held, H, DOCUMENT_K2)
+            rounding += free_rounding(stop - begin, SUBSTEP) * largest(np.hypot(own[0], own[1] / W0))
             ends = [(round((t - begin) / H), value) for t, value in expected.items()]
             yield Check(
-                f"document's pulse {name}, at t = {', '.join(map(str, expected))} s: beyond what the held input costs",
-                largest(abs(phi[i] - value - holding[i]) for i, value in ends),
-                NEXT * H * H * most + SAFETY * rk4,
-                f"numbers of 15 digits; held from its middle the input adds H^2/24*phi'', {most:.2e} at most; "
-                f"{NEXT:g} x the next term, (H/1 s)^2 of it, and {SAFETY} x RK4's h^4 error {rk4:.1e}",
+                f"document's pulse {name}, at t = {', '.join(map(str, expected))} s: beyond what hold and RK4 cost",
+                largest(abs(phi[i] - value - (own[0][i] - exact[i])) for i, value in ends),
+                rounding + 20 * UNIT * largest(np.abs(exact)),
+                "numbers of 15 digits; held from its middle and by RK4 the answer is "
+                f"{largest(np.abs(own[0] - exact)):.2e} rad off at most, by R(h*A)^n less the closed form; round-off",
                 "rad",
             )
             shown = run.t <= 10
@@ -243,20 +238,17 @@ class GeneralScene(Scene):
             return W02 * exp(-((t + self.H / 2 - 5.0) ** 2) / 0.5)
 
         run = fmu.run(Experiment(self.stop, self.H, start, torque=lambda t: SMALL * drive(t)))
-        free = references.free_evolution(run.t, self.phi0, self.rate0 * W0, self.k2, W02)
-        driven = references.held_response([drive(t) for t in run.t[:-1]], self.H, self.k2, W02)
-        exact = free[0] + driven[0]
-        own, neglected = references.rk4_error(run.t, free, self.k2, W02, SUBSTEP)
-        # While it is driven the pendulum moves about the deflection of the drive, in steps of it.
-        u = np.append([drive(t) for t in run.t[:-1]], 0.0)
-        forced = references.rk4_error_rate((driven[0] - u / W02, driven[1]), self.k2, W02, SUBSTEP)[0]
-        rk4 = largest(np.abs(own[0])) + min(self.stop, 4 / self.k2) * largest(forced)
-        peak = largest(np.abs(exact))
+        u = np.array([drive(t) for t in run.t[:-1]])
+        free, _ = references.free_evolution(run.t, self.phi0, self.rate0 * W0, self.k2, W02)
+        exact = free + references.polynomial_response(u[:, np.newaxis], self.H, self.k2, W02)[0]
+        own = references.rk4_response(u, self.H, self.k2, W02, SUBSTEP, (self.phi0, self.rate0 * W0))
+        peak = largest(np.hypot(own[0], own[1] / W0))
         yield Check(
-            f"{self.name}: free evolution and convolution together",
-            largest(np.abs(run["phi"] / SMALL - exact)) / peak,
-            (SAFETY * rk4 + largest(np.abs(neglected[0]))) / peak + free_rounding(self.stop, SUBSTEP),
-            f"relative to the peak; {SAFETY} x h^4 error {rk4 / peak:.1e}, and round-off",
+            f"{self.name}: free evolution and convolution together, error beyond that of RK4",
+            largest(np.abs(run["phi"] / SMALL - own[0])) / peak,
+            free_rounding(self.stop, SUBSTEP) + linear_rounding(own, u, self.H, self.k2) / peak,
+            f"relative to the peak of (phi, w/w0); that of RK4 {largest(np.abs(own[0] - exact)) / peak:.1e}, R(h*A)^n "
+            "against their sum; round-off",
         )
         yield Plot(
             self.name[0].upper() + self.name[1:],
@@ -265,8 +257,8 @@ class GeneralScene(Scene):
             [
                 Curve("FMU, RK4", run.t[::5], run["phi"][::5] / SMALL, "", "."),
                 Curve("exact: free evolution + response", run.t, exact),
-                Curve("free evolution alone", run.t, free[0], "--"),
-                Curve("drive/w02", run.t, u / W02, ":"),
+                Curve("free evolution alone", run.t, free, "--"),
+                Curve("drive/w02", run.t[:-1], u / W02, ":"),
             ],
             note="An initial state and a pulse of the drive about 5 s: linear, so that the solutions add. Below: the "
             "error of the FMU.",
@@ -322,47 +314,43 @@ SCENES = (
 # Frequency response
 
 
-def measured_response(fmu: Fmu, scene: FrequencyScene, w: float, samples: int) -> complex:
-    """Return the complex amplitude of the angle per unit of the drive cos(w*t), from the last two periods of a run.
+def measured_response(
+    fmu: Fmu, scene: FrequencyScene, w: float, samples: int
+) -> tuple[complex, complex, float]:
+    """Return the complex amplitudes of the FMU's angle and of RK4's for the drive cos(w*t), and their round-off.
 
-    The Fourier sum over whole periods, of `samples` communication steps each, picks that frequency alone.
+    They come from the last two periods of a run: the Fourier sum over whole periods, of `samples` communication steps
+    each, picks that frequency alone, and is no more than twice the largest angle.
     """
     period = 2 * pi / w
     H = period / samples
-    drive = SMALL / abs(complex(references.frequency_response(w, scene.k2, W02)))
-    phi, rate = (
-        (0.0, 0.0)
-        if scene.wait
-        else (drive * x.real for x in references.held_frequency_response(w, H, scene.k2, W02))
-    )
+    phi, rate = references.held_frequency_response(w, H, scene.k2, W02)
+    start = (0.0, 0.0) if scene.wait else (phi.real, rate.real)
+    unit = SMALL / abs(complex(references.frequency_response(w, scene.k2, W02)))
     periods = ceil(scene.wait / period) + 2
+
+    def drive(t: float) -> float:
+        return float(np.cos(w * t))
+
     run = fmu.run(
         Experiment(
             periods * period,
             H,
-            {"phi_start": phi, "w_start": rate, "gamma": scene.k2},
-            torque=lambda t: drive * float(np.cos(w * t)),
+            {"phi_start": unit * start[0], "w_start": unit * start[1], "gamma": scene.k2},
+            torque=lambda t: unit * drive(t),
         )
     )
+    u = [drive(t) for t in run.t[:-1]]
+    own = references.rk4_response(u, H, scene.k2, W02, SUBSTEP, start)
     last = slice(len(run.t) - 1 - 2 * samples, len(run.t) - 1)
-    return complex(np.mean(run["phi"][last] * np.exp(-1j * w * run.t[last])) * 2 / drive)
-
-
-def _forced_error(w: float, H: float, scene: FrequencyScene) -> float:
-    """Return the error of RK4 relative to the amplitude, the smaller of two bounds.
-
-    Its growth rate times the run or, if shorter, twice 2/k2, along the free motion about drive/w02; or the difference
-    of RK4's own periodic solution, and twice the free evolution from there to the start.
-    """
-    phi, rate = references.held_frequency_response(w, H, scene.k2, W02)
-    A = np.array([[0.0, 1.0], [-W02, -scene.k2]])
-    defect = np.linalg.matrix_power(A, 5) @ np.array([phi - 1 / W02, rate])
-    growth = SUBSTEP**4 / 120 * float(np.hypot(abs(defect[0]), abs(defect[1]) / W0))
-    duration = min(scene.wait + 4 * pi / w, 4 / scene.k2)
-    step, of_drive = references.rk4_step(H, scene.k2, W02, SUBSTEP)
-    own = np.linalg.solve(np.exp(1j * w * H) * np.eye(2) - step, of_drive)
-    periodic = abs(own[0] - phi) + 2 * float(np.hypot(abs(own[0] - phi), abs(own[1] - rate) / W0))
-    return float(min(growth * duration, periodic) / abs(phi))
+    factor = 2 * np.exp(-1j * w * run.t[last])
+    largest_angle = largest(np.hypot(own[0], own[1] / W0))
+    rounding = free_rounding(run.t[-1], SUBSTEP) * largest_angle + linear_rounding(own, u, H, scene.k2)
+    return (
+        complex(np.mean(run["phi"][last] / unit * factor)),
+        complex(np.mean(own[0][last] * factor)),
+        2 * rounding,
+    )
 
 
 def _bode(scene: FrequencyScene, measured: NDArray[np.complex128]) -> Iterator[Plot]:

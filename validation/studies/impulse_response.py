@@ -7,17 +7,20 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, formula
-from ..fmu import SUBSTEP, T0, W0, W02, Experiment, Fmu, Run
-from ..metrics import SAFETY, SMALL, Array, free_rounding, largest, walk
+from ..fmu import SUBSTEP, T0, W0, W02, Experiment, Fmu, Run, SolverMethod
+from ..metrics import SAFETY, SMALL, UNIT, Array, free_rounding, largest, walk
+from ..references import discrete
 from .scene import Scene
 
 TITLE = "Linear impulse response"
 FORMULA = "h(t) = exp(-k2*t/2)*sin(a*t)/a, a^2 = w02 - k2^2/4, Grillo with nabla = 4*w02 - k2^2"
 
 STEP = 0.05  # communication step [s]
+RK4 = SolverMethod.ExplicitRungeKutta4.name
 
 
 @dataclass(frozen=True)
@@ -41,15 +44,14 @@ class ImpulseScene(Scene):
         start |= {"L": self.L} if self.L != 1 else {}
         run = fmu.run(Experiment(self.stop, STEP, start))
         response = run["phi"] / (SMALL * w0)
-        exact = references.impulse_response(run.t, self.k2, w02)
-        peak = float(np.max(np.abs(exact[0])))
-        rk4, neglected = references.rk4_error(run.t, exact, self.k2, w02, SUBSTEP)
+        exact, _ = references.impulse_response(run.t, self.k2, w02)
+        own, _ = references.rk4_evolution(_substeps(run), 0.0, 1.0, self.k2, w02, SUBSTEP)
+        peak = largest(np.abs(exact))
         yield Check(
             f"{self.name}: error beyond that of RK4",
-            largest(np.abs(response - exact[0] - rk4[0])) / peak,
-            SAFETY * largest(np.abs(neglected[0])) / peak + free_rounding(self.stop, SUBSTEP),
-            f"relative to the peak; RK4's error {largest(np.abs(rk4[0])) / peak:.2e}, {SAFETY} x its next term "
-            "t*h^6*A^7/336, and round-off",
+            largest(np.abs(response - own)) / peak,
+            free_rounding(self.stop, SUBSTEP, w0),
+            f"relative to the peak; that of RK4 {largest(np.abs(own - exact)) / peak:.2e} by R(h*A)^n; round-off",
         )
         if self.k2 == 0.002:
             yield from _misprint(run, response, peak)
@@ -77,22 +79,28 @@ class PulseScene(Scene):
                 torque=lambda t: torque if t < self.width - STEP / 2 else 0.0,
             )
         )
-        exact = references.pulse_response(run.t, self.width, self.k2, W02)
-        peak = float(np.max(np.abs(exact[0])))
-        # A step of the drive is a free evolution about the deflection 1/(width*w02); the pulse is one less a later one.
-        rk4, neglected = np.zeros_like(run.t), np.zeros_like(run.t)
-        for begin, sign in ((0.0, 1), (self.width, -1)):
-            t = np.maximum(run.t - begin, 0.0)
-            swing = references.free_evolution(t, -sign / (self.width * W02), 0.0, self.k2, W02)
-            errors, next_terms = references.rk4_error(t, swing, self.k2, W02, SUBSTEP)
-            rk4, neglected = rk4 + errors[0], neglected + np.abs(next_terms[0])
+        exact, _ = references.pulse_response(run.t, self.width, self.k2, W02)
+        peak = largest(np.abs(exact))
+        # A step of the drive is a free evolution about its deflection; the pulse is one less a later one.
+        deflection = 1 / (self.width * W02)
+        own = np.zeros_like(run.t)
+        for begin, sign in ((0, 1), (round(self.width / SUBSTEP), -1)):
+            steps = np.maximum(_substeps(run) - begin, 0)
+            own += sign * (
+                deflection + references.rk4_evolution(steps, -deflection, 0.0, self.k2, W02, SUBSTEP)[0]
+            )
         yield Check(
             f"{self.name}: error beyond that of RK4",
-            largest(np.abs(run["phi"] / (SMALL * W0) - exact[0] - rk4)) / peak,
-            SAFETY * largest(neglected) / peak + free_rounding(self.stop, SUBSTEP),
-            f"relative to the peak; RK4's error {largest(np.abs(rk4)) / peak:.2e}, {SAFETY} x its next term "
-            "t*h^6*A^7/336, and round-off",
+            largest(np.abs(run["phi"] / (SMALL * W0) - own)) / peak,
+            free_rounding(self.stop, SUBSTEP) + 4 * UNIT * deflection / peak,
+            f"relative to the peak; that of RK4 {largest(np.abs(own - exact)) / peak:.2e} by R(h*A)^n about the "
+            f"deflection under the torque; round-off, also of that deflection, {deflection / peak:.2g} of the peak",
         )
+
+
+def _substeps(run: Run) -> NDArray[np.int64]:
+    """Return how many substeps each communication point comes after."""
+    return round(STEP / SUBSTEP) * np.arange(len(run.t), dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -106,18 +114,19 @@ class NonlinearScene(Scene):
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
         """Yield the rows."""
-        A, stop = self.amplitude, self.periods * T0
-        run = fmu.run(Experiment(stop, T0 / 40, {"gamma": 0.0, "phi_start": 0.0, "w_start": A * W0}))
+        A, stop, h = self.amplitude, self.periods * T0, 0.01
+        start = {"gamma": 0.0, "phi_start": 0.0, "w_start": A * W0, "solver.stepSize": h}
+        run = fmu.run(Experiment(stop, T0 / 40, start))
         linear = A * W0 * references.impulse_response(run.t, 0.0, W02)[0]
-        exact = references.motion(run.t, 0.0, A * W0, W02)
-        departure = largest(np.abs(exact[0] - linear))
-        rk4 = stop * largest(references.rk4_error_rate(exact, 0.0, W02, SUBSTEP)[0])
+        departure = largest(np.abs(references.motion(run.t, 0.0, A * W0, W02)[0] - linear))
+        own, _ = discrete.motion(RK4, run.t.tolist(), 0.0, A * W0, 0.0, W02, h)
+        of_rk4 = largest(np.abs(own - linear))
         yield Check(
             f"{self.name}: of the FMU",
-            abs(largest(np.abs(run["phi"] - linear)) - departure),
-            SAFETY * rk4 + A * walk(stop / SUBSTEP),
-            f"{departure:.6e} rad, from the elliptic functions; {SAFETY} x t*h^4*A^5/120 = {rk4:.1e} rad, and "
-            "round-off",
+            abs(largest(np.abs(run["phi"] - linear)) - of_rk4),
+            2 * A * walk(stop / h),
+            f"{of_rk4:.6e} rad of RK4's discrete motion with h = {h:g} s, {departure:.6e} rad from the elliptic "
+            "functions; round-off of both runs",
             "rad",
         )
         predicted = A**3 * W0 * stop / 16

@@ -12,7 +12,7 @@ import numpy as np
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table, formula
 from ..fmu import SUBSTEP, W0, W02, Experiment, Fmu, Run, SolverMethod
-from ..metrics import SMALL, UNIT, Array, free_rounding, largest, observed_order, walk
+from ..metrics import SMALL, Array, free_rounding, largest, linear_rounding, observed_order, walk
 from .scene import Scene
 
 TITLE = "Held and interpolated inputs"
@@ -174,15 +174,15 @@ def _polynomials(scene: HoldScene, H: float, way: Input) -> Array:
 
 
 @cache
-def _held(scene: HoldScene, H: float, way: Input) -> Array:
-    """Return the exact angle [s2] at n*H under the drive as the FMU gets it."""
-    return references.polynomial_response(_polynomials(scene, H, way), H, scene.k2, W02)[0]
+def _held(scene: HoldScene, H: float, way: Input) -> references.State:
+    """Return the exact angle [s2] and rate [s] at n*H under the drive as the FMU gets it."""
+    return references.polynomial_response(_polynomials(scene, H, way), H, scene.k2, W02)
 
 
 @cache
 def _cost(scene: HoldScene, H: float, way: Input) -> Array:
     """Return what the input costs at n*H [s2]: the exact answer to the drive less that to the input."""
-    held = _held(scene, H, way)
+    held, _ = _held(scene, H, way)
     return np.asarray(scene.response(_times(scene, H))[0] - held)
 
 
@@ -218,23 +218,20 @@ def _fastest(scene: HoldScene) -> float:
 def _judged(scene: HoldScene, run: Run, H: float, peak: float, way: Input) -> tuple[float, float, str]:
     """Return the error [s2] beyond that of the method, its bound, and what that is made of.
 
-    A substep of RK4 rounds the same way each time, and so does the step of the exact answers, some four times.
+    The exact answers round, too.
     """
-    steps, phi, exact = len(run.t), run["phi"] / SMALL, _held(scene, H, way)
-    same = 4 * steps * UNIT * peak
+    phi, exact = run["phi"] / SMALL, _held(scene, H, way)
+    drive = _polynomials(scene, H, way)[:, 0]
+    of_exact = linear_rounding(exact, drive, H, scene.k2)
     if way.held is None:
-        error = largest(np.abs(phi - exact))
-        return (
-            error,
-            walk(steps) * peak + same,
-            "against the exact response to that input; round-off, of both",
-        )
-    samples = _polynomials(scene, H, way)[:, 0]
-    own = references.rk4_response(samples, H, scene.k2, W02, SUBSTEP)[0]
+        error = largest(np.abs(phi - exact[0]))
+        reason = "against the exact response to that input; round-off, of both"
+        return error, walk(len(run.t)) * peak + of_exact, reason
+    own = references.rk4_response(drive, H, scene.k2, W02, SUBSTEP)[0]
     return (
         largest(np.abs(phi - own)),
-        free_rounding(scene.stop, SUBSTEP) * peak + same,
-        f"RK4's own error {largest(np.abs(own - exact)):.1e} s2, R(h*A)^n against the exact response to that input; "
+        free_rounding(scene.stop, SUBSTEP) * peak + of_exact,
+        f"RK4's own error {largest(np.abs(own - exact[0])):.1e} s2, R(h*A)^n against the exact response to that input; "
         "round-off, of both",
     )
 

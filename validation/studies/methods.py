@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from math import hypot, pi, radians
+from dataclasses import dataclass, replace
+from math import hypot, pi, radians, sqrt
 
 import numpy as np
 from scipy.special import ellipk
 
 from .. import references
 from ..checks import Check, Curve, Plot, Result, Table
-from ..fmu import W0, W02, Experiment, Fmu, SolverMethod, swing
+from ..fmu import OUTPUTS, W0, W02, Experiment, Fmu, SolverMethod, swing
 from ..metrics import NEXT, SAFETY, SIGMAS, UNIT, Array, largest, observed_order, state_error, walk
 from ..references import discrete
 from ..references.methods import METHODS
@@ -28,6 +28,9 @@ RUNGE_KUTTA = tuple(method for method in SolverMethod if METHODS[method.name].ta
 
 # The discrete motion
 
+# A drive [1/s2] and its derivatives by time when a communication step begins, a row each.
+CUBICS = np.array(((0.3, -0.5, 0.8, -0.7), (-0.2, 0.6, -0.4, 0.9), (0.1, 0.2, 0.3, 0.4)))
+
 
 @dataclass(frozen=True)
 class SubstepScene(Scene):
@@ -41,8 +44,12 @@ class SubstepScene(Scene):
     method: SolverMethod
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
-        """Yield the difference after each of ten substeps, none of which is a small step, and that of the outputs."""
-        phi0, rate0, k2, drive, h, n = 1.2, 0.7, 0.5, 0.3, 0.1, 10
+        """Yield the difference after each of ten substeps, none of which is a small step, and that of the outputs.
+
+        And, where the FMU interpolates its input, after substeps under a torque that is a cubic in each step.
+        """
+        phi0, rate0, k2, h, n = 1.2, 0.7, 0.5, 0.1, 10
+        drives = [0.3 * (-1) ** i + 0.1 * i for i in range(n)]  # another in each communication step
         m, L = 2.0, 0.25  # powers of two: they cost no rounding
         J, gamma, g = m * L * L, k2 * m, W02 * L
         start = {
@@ -55,8 +62,11 @@ class SubstepScene(Scene):
             "solver.method": self.method,
             "solver.stepSize": h,
         }
-        run = fmu.run(Experiment(n * h, h, start, lambda _: drive * J, record=("phi", "w", "a", "E")))
-        exact = discrete.motion(self.method.name, list(run.t), phi0, rate0, k2, W02, h, drive)
+        experiment = Experiment(n * h, h, start, record=("phi", "w", "a", "E"))
+        times = experiment.times()
+        torque = dict(zip(times, drives, strict=False))
+        run = fmu.run(replace(experiment, torque=lambda t: torque[t] * J))
+        exact = discrete.motion(self.method.name, times, phi0, rate0, k2, W02, h, drives)
         yield Check(
             f"{n} substeps of {self.method.name} with drag and torque, h*w0 = {h * W0:.2g}",
             state_error(run["phi"], run["w"], exact),
@@ -67,7 +77,7 @@ class SubstepScene(Scene):
         )
         phi, w = run["phi"], run["w"]
         torques = np.array(
-            (np.append(0.0, np.full(n, drive * J)), -gamma * L * L * w, -m * g * L * np.sin(phi))
+            (np.append(0.0, np.array(drives) * J), -gamma * L * L * w, -m * g * L * np.sin(phi))
         )
         energies = np.array((J / 2 * w**2, 2 * m * g * L * np.sin(phi / 2) ** 2))
         yield Check(
@@ -80,15 +90,42 @@ class SubstepScene(Scene):
             "J*a = tau - gamma*L^2*w - m*g*L*sin(phi), tau set after the start, E = J*w^2/2 + 2*m*g*L*sin(phi/2)^2, "
             "relative to their terms; four roundings of the FMU, three here",
         )
+        if not fmu.interpolates:
+            return
+        H = 3 * h
+        experiment = Experiment(3 * H, H, start, record=("phi", "w", "a"), inputs=J * CUBICS)
+        run = fmu.run(experiment)
+        exact = discrete.motion(
+            self.method.name, experiment.times(), phi0, rate0, k2, W02, h, CUBICS.tolist()
+        )
+        yield Check(
+            f"substeps of {self.method.name} under a torque that is a cubic in each step of three",
+            state_error(run["phi"], run["w"], exact),
+            9 * 13 * UNIT * magnification(self.method),
+            "at the end of each step; as before, and three roundings of the torque here and there; it is taken at the "
+            "nodes of the tableau, or as a series",
+            "rad",
+        )
+        ends = CUBICS @ (1, H, H**2 / 2, H**3 / 6)
+        terms = np.array((ends, -k2 * run["w"][1:], -W02 * np.sin(run["phi"][1:])))
+        yield Check(
+            f"a after steps of {self.method.name} under a torque that is a cubic in each",
+            largest(np.abs(run["a"][1:] - terms.sum(axis=0)) / np.abs(terms).sum(axis=0)),
+            13 * UNIT,
+            "at the end of each step, of the torque there, too; relative to its terms; roundings as before",
+        )
 
 
 def _evaluations(fmu: Fmu) -> Iterator[Result]:
-    """Count the evaluations of ten substeps without gravity, where the equation of an implicit stage needs but one."""
+    """Count the evaluations of ten substeps without gravity, where the equation of an implicit stage needs but one.
+
+    The outputs are read, which costs none.
+    """
     h, n = 0.1, 10
     wrong = []
     for method in SolverMethod:
         start = {"g": 0.0, "w_start": 1.0, "solver.method": method, "solver.stepSize": h}
-        nfev = fmu.run(Experiment(n * h, n * h, start, record=())).nfev
+        nfev = fmu.run(Experiment(n * h, n * h, start, record=OUTPUTS)).nfev
         tableau = METHODS[method.name].tableau
         if tableau is None:
             expected = METHODS[method.name].order * n
@@ -103,8 +140,35 @@ def _evaluations(fmu: Fmu) -> Iterator[Result]:
         largest(wrong),
         0,
         "one a stage, but for the first one of ImplicitTrapezoid and TRBDF2, which the substep before has made; 16 of "
-        "TaylorSeries: a count",
+        "TaylorSeries; none for the outputs that are read: a count",
     )
+
+
+def _longest_substeps(fmu: Fmu) -> Iterator[Result]:
+    """Take steps just within and just beyond where a substep is divided, so that its equations have a single root."""
+    k2, w02, phi0, rate0 = 3.0, 4.0, 1.2, 0.7
+    longest = (k2 + sqrt(k2 * k2 + 4 * w02)) / (2 * w02)
+    for method in SolverMethod:
+        tableau = METHODS[method.name].tableau
+        if tableau is None or not METHODS[method.name].stable:
+            continue
+        diagonal = tableau.A[-1][-1]
+        errors = []
+        for share, n in ((1 - 1e-8, 1), (1 + 1e-8, 2)):
+            h = share * longest / diagonal
+            start = {"L": 0.25, "g": w02 / 4, "gamma": k2, "phi_start": phi0, "w_start": rate0}
+            start |= {"solver.method": method, "solver.stepSize": 10 * h}
+            run = fmu.run(Experiment(h, h, start, record=("phi", "w")))
+            exact = discrete.motion(method.name, [0.0, h], phi0, rate0, k2, w02, h / n)
+            errors.append(state_error(run["phi"], run["w"], exact, sqrt(w02)))
+        yield Check(
+            f"{method.name} divides substeps from {longest / diagonal:.6g} s on",
+            largest(errors),
+            2 * 7 * UNIT * pi * magnification(method),
+            f"{diagonal:.4g}*h = (k2 + sqrt(k2^2 + 4*w02))/(2*w02), k2 = {k2:g}/s, w02 = {w02:g}/s2: one substep of "
+            "the discrete motion a relative 1e-8 below, two as much above; roundings as before, of angles below pi",
+            "rad",
+        )
 
 
 def magnification(method: SolverMethod) -> float:
@@ -407,6 +471,7 @@ COMPOUNDED = "half of the 2*pi*z by which a small swing grows in the period, whi
 SCENES = (
     *(SubstepScene(method) for method in SolverMethod),
     Case("evaluations", _evaluations),
+    Case("longest substeps", _longest_substeps),
     *(OrderScene(method) for method in RUNGE_KUTTA),
     Case("radius of convergence", _radius),
     DriftScene(SolverMethod.ExplicitEuler, 1e-4, lambda z: pi * z, COMPOUNDED),

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache, partial
-from math import factorial, floor, hypot, log, nan, pi, sqrt
+from math import factorial, floor, hypot, isfinite, isnan, log, nan, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +108,18 @@ class LimitScene(Scene):
                 six_digits(limit) + _last_digit(digits) / limit,
                 f"{digits} s; the message has six digits: half a unit of the last one",
             )
+            # A quarter of the length and twice the drag halve all times, without a rounding.
+            above, below = (
+                _warned_limit(fmu, self.method, 2 * k2, limit / 2 * (1 + x), L=0.25)
+                for x in (uncertain, -uncertain)
+            )
+            yield Check(
+                f"{name}: where the warning begins, at half of it for L = 0.25 m and twice this drag",
+                float(isfinite(above)) + float(isnan(below)),
+                2,
+                f"{digits} s; a relative {uncertain:.1e} above its half there is one, as much below it there is none",
+                at_least=True,
+            )
             rows.append((f"{k2:g}", f"{measured:.10g}", f"{warned:.6g}", f"{theory:.10g}"))
         if self.method is SolverMethod.ExplicitRungeKutta4:
             *others, last = (method.name for method in UNLIMITED)
@@ -134,10 +146,9 @@ def _flatness(radius: Callable[[float], float], limit: float) -> float:
     return MAP / ((above - below) / 2e-4)
 
 
-def _warned_limit(fmu: Fmu, method: SolverMethod, k2: float) -> float:
-    """Return the limit [s] that the FMU names when it warns of a step beyond it, NaN if it does not."""
-    h = 100.0
-    start = {"gamma": k2, "phi_start": SMALL, "solver.method": method, "solver.stepSize": h}
+def _warned_limit(fmu: Fmu, method: SolverMethod, k2: float, h: float = 100.0, L: float = 1.0) -> float:
+    """Return the limit [s] that the FMU names when it warns of a step of `h` [s] beyond it, NaN if it does not."""
+    start = {"L": L, "gamma": k2, "phi_start": SMALL, "solver.method": method, "solver.stepSize": h}
     warnings = " ".join(fmu.run(Experiment(1e-9, 1e-9, start, record=())).warnings)
     found = WARNED.search(warnings)
     return float(found[1]) if found else nan

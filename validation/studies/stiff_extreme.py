@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import cache, partial
-from math import cos, cosh, expm1, isfinite, log, nan, pi, sin, sqrt, ulp
+from math import cos, expm1, inf, isfinite, log, nan, pi, sin, sqrt, ulp
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from ..metrics import (
 )
 from ..references import discrete, taylor
 from ..references.methods import METHODS, rk4_lag
+from .methods import magnification
 from .scene import Case
 
 TITLE = "Stiff and extreme cases"
@@ -102,16 +103,34 @@ def _near_upright(fmu: Fmu) -> Iterator[Result]:
             f"passage of the lowest point, {wander:.1e} rad at the next turning point",
             "s",
         )
+    yield _at_pi(fmu)
+
+
+def _at_pi(fmu: Fmu) -> Check:
+    """Start at the double next to pi, 1.2e-16 rad off the top: hold how far it gets, and that it falls in the end.
+
+    A method rounds its moves away until the rate, which grows by w02*sin(pi) per s, makes one of half of the last
+    digit: for 1.9 s. From there to 1 rad it takes another 11.5 s.
+    """
+    h, n, end = 0.1, 30, 20.0
+    shares = []
     for method in SolverMethod:
-        start = undamped(phi_start=pi) | {"solver.method": method, "solver.stepSize": 0.1}
-        phi = fmu.run(Experiment(3.0, 0.1, start))["phi"]
-        yield Check(
-            f"start at math.pi, {method.name}, 3 s",
-            largest(np.abs(phi - pi)),
-            sin(pi) * cosh(W0 * 3.0),
-            "no further than the exact motion: the double pi is 1.2e-16 rad off the top, times cosh(w0*t)",
-            "rad",
-        )
+        start = undamped(phi_start=pi) | {"solver.method": method, "solver.stepSize": h}
+        distance = np.abs(fmu.run(Experiment(end, h, start))["phi"] - pi)
+        known = METHODS[method.name]
+        R = abs(known.stability(h * W0))
+        # Each stage rounds the angle; the last one sums them, and the others' roundings come with the accelerations.
+        stages, weight = (1, 0.0) if known.tableau is None else (len(known.tableau.A), known.tableau.weight)
+        step = SIGMAS * ulp(pi) / sqrt(12) * stages * (1 + h * W0 * weight)
+        most = sin(pi) * R**n + step * sqrt((R ** (2 * n) - 1) / (R**2 - 1))
+        shares.append(largest(distance[: n + 1]) / most if largest(distance) >= 1.0 else inf)
+    return Check(
+        f"start at math.pi, all methods: near the top for {n * h:g} s, 1 rad from it within {end:g} s",
+        largest(shares),
+        1.0,
+        f"the distance over that of the double from pi, grown R(h*w0)-fold in each of {n} substeps, and {SIGMAS:g} "
+        "sigma of the roundings of the angle, which grow with it; infinite where a method does not fall",
+    )
 
 
 def _energy_walk(amplitude: float) -> float:
@@ -192,21 +211,29 @@ def _tiny_mass(fmu: Fmu) -> Iterator[Result]:
         divided = start | {"solver.method": method, "solver.stepSize": h}
         failed = fmu.run(Experiment(0.1, 0.1, divided, torque=lambda t: 1.0))
         name = f"m = 1e-12 kg under 1 N.m, {method.name}"
-        yield from _ends_in_error(name, failed.failure, method, 0.0, 2e9, 1e12, h)
+        yield from _ends_in_error(name, failed.failure, 0.0, method, 0.0, 2e9, 1e12, h)
 
 
 def _ends_in_error(
-    name: str, failure: str, method: SolverMethod, phi0: float, k2: float, drive: float, h: float
+    name: str,
+    failure: str,
+    begin: float,
+    method: SolverMethod,
+    phi0: float,
+    k2: float,
+    drive: float,
+    h: float,
 ) -> Iterator[Check]:
-    """Hold what the message says of a divergence against the discrete motion from rest, and |R| <= 1."""
+    """Hold what the message says of a divergence against the discrete motion from rest at `begin` [s], and |R| <= 1."""
     found = DIVERGED.search(failure)
     t, count, _, _, limit = found.groups() if found else ("nan", "nan", "", "", "nan")
     expected = _substep_that_overflows(method, phi0, k2, drive, h)
     yield Check(
         f"{name}: the error names time and substep of the divergence",
-        largest((abs(float(count) - expected), abs(float(t) / h - expected))),
-        4 * UNIT * expected,
-        f"substep {expected} leaves the range of a double in the discrete motion; four roundings of the time",
+        largest((abs(float(count) - expected), abs((float(t) - begin) / h - expected))),
+        4 * UNIT * (begin / h + expected),
+        f"substep {expected} after {begin:g} s leaves the range of a double in the discrete motion; four roundings of "
+        "the time",
     )
     known = METHODS[method.name].real_limit / references.real_roots(k2, W02)[0]
     yield Check(
@@ -291,24 +318,30 @@ UPWARDS = (
 def _upwards(fmu: Fmu) -> Iterator[Result]:
     """Turn gravity upwards: about the upright equilibrium the swing is that of positive gravity, turned by pi."""
     start, phi0, stop = undamped(g=-W02, phi_start=0.1), 0.1, 5.0
-    run = fmu.run(Experiment(stop, 1.0, start, record=("phi", "E")))
+    run = fmu.run(Experiment(stop, 1.0, start, record=("phi", "w", "E")))
     swing = pi - phi0
+    times = np.linspace(0, stop, 501)
+    motion, near = (references.motion(times, swing - shift, 0.0, W02) for shift in (0.0, NEAR))
+    growths = growth(motion, near, W0)
     for i, exact, rk4 in UPWARDS:
-        slope = references.period_slope(swing, W02) * abs(references.libration(float(i), swing, W02)[1])
-        rounding = walk(i / SUBSTEP) * 2 * pi * (1 + float(slope))
+        until = times <= i
+        most, grown = largest(np.abs(pi - motion[0][until])), float(growths[until][-1])
         yield Check(
             f"g = -9.80665 m/s2 from 0.1 rad, {i} s: error beyond that of RK4",
             abs(run["phi"][i] - exact - rk4),
-            rounding,
-            f"{exact:.15g} rad; RK4's error {rk4:.3e} rad; {SIGMAS:g} sigma of rounding, through the period's slope",
+            walk(i / SUBSTEP) * most * grown,
+            f"{exact:.15g} rad; RK4's error {rk4:.3e} rad; {SIGMAS:g} sigma of rounding of up to {most:.3g} rad, grown "
+            f"{grown:.3g}-fold at most, as neighbouring motions grow apart",
             "rad",
         )
-    expected = -2 * W02 * sin(phi0 / 2) ** 2
+    yield from _runaways(fmu)
+    kinetic, potential = run["w"] ** 2 / 2, -2 * W02 * np.sin(run["phi"] / 2) ** 2
     yield Check(
-        "g = -9.80665 m/s2: energy at the start",
-        relative(run["E"][0], expected),
+        "g = -9.80665 m/s2: energy at the start and at 1 to 5 s",
+        largest(np.abs(run["E"] - (kinetic + potential)) / (kinetic - potential)),
         7 * UNIT,
-        f"2*m*g*L*sin(phi/2)^2 = {expected:.12g} J has the sign of g; four roundings of the FMU, three here",
+        "m*L^2*w^2/2 + 2*m*g*L*sin(phi/2)^2, whose second term has the sign of g, relative to both; four roundings of "
+        "the FMU, three here",
     )
     h, divided = 0.6, 0.3
     start |= {"solver.method": SolverMethod.ImplicitEuler, "solver.stepSize": h}
@@ -327,6 +360,24 @@ def _upwards(fmu: Fmu) -> Iterator[Result]:
         f"sign of g; {SIGMAS:g} sigma of rounding, grown {grown:.3g}-fold at most, as neighbouring motions grow apart",
         "rad",
     )
+
+
+def _runaways(fmu: Fmu) -> Iterator[Check]:
+    """Leave the unstable equilibrium of gravity upwards from 1e-200 rad, where nothing but the angle is rounded."""
+    h, n, phi0 = 0.1, 30, 1e-200
+    for method in SolverMethod:
+        start = undamped(g=-W02, phi_start=phi0) | {"solver.method": method, "solver.stepSize": h}
+        run = fmu.run(Experiment(n * h, h, start, record=("phi", "w")))
+        R = METHODS[method.name].stability
+        rising, falling = (R(sign * h * W0).real ** n for sign in (1, -1))
+        exact = np.array([(rising + falling) / 2]), np.array([W0 * (rising - falling) / 2])
+        yield Check(
+            f"g = -9.80665 m/s2 from {phi0:g} rad, {method.name}, {n} substeps of {h:g} s",
+            state_error(run["phi"][-1:] / phi0, run["w"][-1:] / phi0, exact) / rising,
+            n * 7 * UNIT * magnification(method),
+            f"(R(h*w0)^n + R(-h*w0)^n)/2 = {exact[0][0]:.6g}, and the rate, relative to R(h*w0)^n; four roundings of a "
+            "substep of the FMU, three here, magnified by the coefficients with which stages enter the last one",
+        )
 
 
 # Stiff drag
@@ -353,10 +404,10 @@ def _overdamped(fmu: Fmu) -> Iterator[Result]:
     for k2 in (1e4, 1e6, 1e9):
         for method in EXPLICIT:
             failed = fmu.run(
-                Experiment(1.0, 1.0, {"gamma": k2, "phi_start": pi / 2, "solver.method": method})
+                Experiment(3.0, 1.0, {"gamma": k2, "phi_start": pi / 2, "solver.method": method}, begin=2.0)
             )
             name = f"gamma/m = {k2:g}/s, {method.name} with h = 1 ms"
-            yield from _ends_in_error(name, failed.failure, method, pi / 2, k2, 0.0, SUBSTEP)
+            yield from _ends_in_error(name, failed.failure, 2.0, method, pi / 2, k2, 0.0, SUBSTEP)
             if method == SolverMethod.ExplicitRungeKutta4:
                 told = [
                     text
@@ -375,17 +426,16 @@ def _overdamped(fmu: Fmu) -> Iterator[Result]:
 
 
 @cache
-def _cut_motion(t: tuple[float, ...], amplitude: float) -> references.State:
-    """Return the state at the end of RK4's discrete motion from rest at `amplitude` [rad] over the times `t` [s]."""
-    phi, w = discrete.motion(RK4, t, amplitude, 0.0, 0.0, W02, SUBSTEP)
-    return phi[-1:], w[-1:]
+def _cut_motion(t: tuple[float, ...], amplitude: float, h: float) -> references.State:
+    """Return RK4's discrete motion from rest at `amplitude` [rad] over the times `t` [s], substeps up to `h` [s]."""
+    return discrete.motion(RK4, t, amplitude, 0.0, 0.0, W02, h)
 
 
 def _communication(fmu: Fmu) -> Iterator[Result]:
     """Show that the answer does not depend on how the importer cuts the time."""
-    amplitude, stop = pi / 2, 6.0
+    amplitude, stop, h = pi / 2, 6.0, 5e-3
     exact = references.libration(stop, amplitude, W02)
-    start = undamped(phi_start=amplitude)
+    start = undamped(phi_start=amplitude) | {"solver.stepSize": h}
     rng = np.random.default_rng(1)
     cuts = {
         "1 s": np.arange(0.0, 6.5, 1.0),
@@ -402,17 +452,18 @@ def _communication(fmu: Fmu) -> Iterator[Result]:
     T = references.period(amplitude, W02)
     # A rounding of the amplitude moves the phase by what the period makes of it.
     runaway = 2 * pi * stop / T * amplitude * references.period_slope(amplitude, W02) / T
-    rounding = walk(stop / SUBSTEP) * amplitude * (1 + runaway)
     for name, times in cuts.items():
         t = tuple(times.tolist())
         run = fmu.run(Experiment(stop, SUBSTEP, start, record=("phi", "w"), points=t))
-        truncation = state_error(*_cut_motion(t, amplitude), exact)
+        own = _cut_motion(t, amplitude, h)
+        truncation = state_error(own[0][-1:], own[1][-1:], exact)
+        substeps = float(np.sum(np.ceil(np.diff(times) / h)))
         yield Check(
-            f"communication step {name}",
-            state_error(run["phi"][-1:], run["w"][-1:], exact),
-            truncation + rounding,
-            f"the error {truncation:.3e} rad of RK4's discrete motion over the same communication steps, which carry "
-            f"the rounding of the clock, and {SIGMAS:g} sigma of rounding {rounding:.1e} rad",
+            f"communication step {name}: error beyond that of RK4",
+            state_error(run["phi"], run["w"], own),
+            2 * walk(substeps) * amplitude * (1 + runaway),
+            f"at all points against RK4's discrete motion with h = {h:g} s, {truncation:.3e} rad off at the end, over "
+            f"the same steps, which carry the rounding of the clock; {SIGMAS:g} sigma of rounding, of both runs",
             "rad",
         )
 
@@ -422,6 +473,7 @@ def _substeps(fmu: Fmu) -> Iterator[Result]:
     for name, begin, more, expected in (
         ("", 0.0, 0.0, range(1, 101)),
         (", each half a one shorter", 0.0, -0.5, range(1, 101)),
+        (", each 1e-14 s longer", 0.0, 1e-11, range(2, 102)),
         (" from 1e6 s, rounded to 1.2e-10 s", 1e6, 0.0, range(1, 101)),
         (" from 1e6 s, each 1e-6 s longer", 1e6, 1e-3, range(2, 102)),
     ):
