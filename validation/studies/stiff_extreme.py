@@ -545,8 +545,8 @@ CHAOS = {
     50: -28.2783023766960053,
     100: -45.9464758770395672,
 }
-CHAOTIC = {"g": 1.0, "gamma": 0.5, "phi_start": 0.2}
 CHAOTIC_K2, CHAOTIC_W02, CHAOTIC_START = 0.5, 1.0, 0.2
+CHAOTIC = {"g": CHAOTIC_W02, "gamma": CHAOTIC_K2, "phi_start": CHAOTIC_START}
 
 
 def _chaotic_drive(H: float, t: float) -> float:
@@ -578,7 +578,7 @@ def _chaos(fmu: Fmu) -> Iterator[Result]:
     H = 0.1
     run = fmu.run(Experiment(100.0, H, CHAOTIC, partial(_chaotic_drive, H)))
     _, exact = _chaotic_motion(H)
-    growth = _chaotic_growth(H)
+    grown = _chaotic_growth(H)
     for t in CHAOS:
         i = round(t / H)
         # Rounding of the angle each substep, and RK4's h^4/120 per second of a motion with rates below 3 rad/s.
@@ -586,8 +586,8 @@ def _chaos(fmu: Fmu) -> Iterator[Result]:
         yield Check(
             f"chaotic drive, held over {H} s, at {t} s",
             abs(float(run["phi"][i] - exact[i])),
-            seed * growth[i],
-            f"Taylor series; seed {seed:.1e} rad of rounding and RK4, grown {growth[i]:.3g}-fold at most, as two "
+            seed * grown[i],
+            f"Taylor series; seed {seed:.1e} rad of rounding and RK4, grown {grown[i]:.3g}-fold at most, as two "
             "neighbouring motions grow apart",
             "rad",
         )
@@ -599,7 +599,7 @@ def _chaos(fmu: Fmu) -> Iterator[Result]:
         yield Check(
             f"chaotic smooth drive, H = 1 ms sampled in the middle, at {t} s",
             abs(float(smooth["phi"][round(t / fine)]) - angle),
-            seed * growth[round(t / H)],
+            seed * grown[round(t / H)],
             f"{angle:.12f} rad in 40 digits; (H*w)^2/24 of the drive over t, grown as before",
             "rad",
         )
@@ -618,7 +618,7 @@ def _chaos(fmu: Fmu) -> Iterator[Result]:
         "error of rounding size grows to.",
         below=[
             Curve("FMU less Taylor series, held drive", run.t[1:], np.abs(run["phi"] - exact)[1:]),
-            Curve("1e-16 rad grown", run.t[1:], 1e-16 * growth[1:], "--"),
+            Curve("1e-16 rad grown", run.t[1:], 1e-16 * grown[1:], "--"),
         ],
         below_label="|error| [rad]",
         below_logarithmic="y",
