@@ -96,15 +96,17 @@ def run(fmu: Fmu, names: Sequence[str], draw: page.Draw | None, with_faults: boo
     racing = [study for study in chosen if study.races]
     others = [study for study in chosen if not study.races]
     with ExitStack() as stack:
-        sections = list(run_studies(fmu, racing, draw))  # while nothing else runs
-        if with_faults:
-            others.append(stack.enter_context(faults.study(names, fmu.path)))
-        sections += run_studies(fmu, others, draw)
+        sections = list(run_studies(fmu, racing))  # while nothing else runs
+        noticed = [stack.enter_context(faults.study(names, fmu.path))] if with_faults else []
+        sections += run_studies(fmu, others)
+        if draw:
+            draw_pictures(sections, draw)
+        sections += run_studies(fmu, noticed)
     return sorted(sections, key=lambda section: [*names, faults.NAME].index(section.name))
 
 
-def run_studies(fmu: Fmu, chosen: Sequence[studies.Study], draw: page.Draw | None) -> Iterator[Section]:
-    """Run studies and draw their pictures, show the progress and print each study when it is done."""
+def run_studies(fmu: Fmu, chosen: Sequence[studies.Study]) -> Iterator[Section]:
+    """Run studies, show their progress and print each when it is done."""
     console = screen.console()
     with screen.progress() as progress:
         task = progress.add_task("", total=sum(len(study.scenes) + len(study.races) for study in chosen))
@@ -114,13 +116,17 @@ def run_studies(fmu: Fmu, chosen: Sequence[studies.Study], draw: page.Draw | Non
                 progress.update(task, description=f"{study.name}: {scene.name}")
                 results += scene.run(fmu)
                 progress.advance(task)
-            if draw:
-                for result in results:
-                    if isinstance(result, Plot | Maps):
-                        draw(result)
             section = Section(study.name, study.title, study.formula, results)
             screen.show(section, console)
             yield section
+
+
+def draw_pictures(sections: Sequence[Section], draw: page.Draw) -> None:
+    """Draw all pictures, which `draw` keeps, and show the progress."""
+    plots = [result for section in sections for result in section.results if isinstance(result, Plot | Maps)]
+    with screen.progress() as progress:
+        for plot in progress.track(plots, description="pictures"):
+            draw(plot)
 
 
 if __name__ == "__main__":

@@ -92,9 +92,8 @@ def rk4_evolution(steps: ArrayLike, phi0: float, rate0: float, k2: float, w02: f
     """Return what RK4 makes of `free_evolution` in so many steps of `h` [s]."""
     start, change = np.array([phi0, rate0]), _rk4_change(h, k2, w02)
     counts = np.asarray(steps)
-    states = [start + _power_less_one(change, n) @ start for n in counts.ravel().tolist()]
-    phi, w = np.array(states).T
-    return phi.reshape(counts.shape), w.reshape(counts.shape)
+    states = start + _powers_less_one(change, counts) @ start
+    return states[..., 0], states[..., 1]
 
 
 def _rk4_change(h: float, k2: float, w02: float) -> Array:
@@ -103,15 +102,16 @@ def _rk4_change(h: float, k2: float, w02: float) -> Array:
     return np.asarray(z @ (one + z @ (one + z @ (one + z / 4) / 3) / 2))
 
 
-def _power_less_one(change: Array, n: int) -> Array:
-    """Return (1 + change)^n - 1, which keeps the digits of a small change."""
-    power = np.zeros((2, 2))
-    while n:
-        if n % 2:
-            power = power + change + power @ change
+def _powers_less_one(change: Array, counts: NDArray[np.int64]) -> Array:
+    """Return (1 + change)^n - 1 for each n of `counts`, (..., 2, 2), which keeps the digits of a small change."""
+    powers = np.zeros((*counts.shape, 2, 2))
+    left = counts.copy()
+    while left.any():
+        odd = left % 2 == 1
+        powers[odd] += change + powers[odd] @ change
         change = 2 * change + change @ change
-        n //= 2
-    return power
+        left //= 2
+    return powers
 
 
 def rk4_response(
@@ -123,7 +123,7 @@ def rk4_response(
     multiplies by R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, z the matrix of y' = A*y times the substep.
     """
     n = ceil(H / h * (1 - NOISE))
-    change = _power_less_one(_rk4_change(H / n, k2, w02), n)
+    change = _powers_less_one(_rk4_change(H / n, k2, w02), np.array(n))
     return _stepped(change, np.outer(np.asarray(u, dtype=float), -change @ np.array([1 / w02, 0.0])), start)
 
 

@@ -76,7 +76,7 @@ def _permanent_spin(fmu: Fmu) -> Iterator[Result]:
         expected = W02 * sqrt(h / (2 * K2))
         start = {"phi_start": 1e-3, "solver.method": SolverMethod.ExplicitEuler, "solver.stepSize": h}
         # The small swing grows at w02*h - k2 over two, the spin then settles at k2.
-        turning = settled(fmu, start, 9000.0)
+        turning = settled(fmu, start, 5000.0)
         w = fmu.run(Experiment(50.0, 0.01, turning, record=("w",)))["w"]
         yield Check(
             f"permanent spin of ExplicitEuler at h = {h:g} s",
