@@ -34,6 +34,19 @@ def impulse_response(t: ArrayLike, k2: float, w02: float) -> State:
     return h, np.exp(-fast * t) - slow * h
 
 
+def rk4_error(t: ArrayLike, state: State, k2: float, w02: float, h: float) -> tuple[State, State]:
+    """Return RK4's errors of phi and w along a free linear motion, to the order h^5, and the next term of them.
+
+    A step multiplies by R(h*A) with ln R(z) = z - z^5/120 + z^6/144 - z^7/336 + ..., so that the error after the time t
+    is t*(-h^4*A^5/120 + h^5*A^6/144 - ...) times the motion.
+    """
+    A = np.array([[0.0, 1.0], [-w02, -k2]])
+    fifth, sixth, seventh = (np.linalg.matrix_power(A, n) @ np.array(state) for n in (5, 6, 7))
+    phi, w = np.asarray(t) * (-(h**4) / 120 * fifth + h**5 / 144 * sixth)
+    next_phi, next_w = np.asarray(t) * h**6 / 336 * seventh
+    return (phi, w), (next_phi, next_w)
+
+
 def real_roots(k2: float, w02: float) -> tuple[float, float]:
     """Return the fast and the slow decay rate [1/s] of a strongly damped linear pendulum."""
     fast = k2 / 2 + sqrt(k2 * k2 / 4 - w02)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from math import nan, pi, radians, sin, sqrt, ulp
+from math import cos, nan, pi, radians, sin, sqrt, ulp
 
 import numpy as np
 
@@ -43,7 +43,8 @@ PHASE_SUBSTEP = 2e-3  # [s] of the finest of the runs that show RK4's h^4 error;
 class PeriodScene(Scene):
     """An amplitude [deg] and a gravity acceleration [m/s2].
 
-    What is judged is the part of the error that RK4's discrete motion leaves unexplained.
+    What is judged is the part of the error that RK4's leading terms leave unexplained, and that its discrete motion
+    does.
     """
 
     TITLE = "period at {0.amplitude:g} deg, g = {0.g:g}"
@@ -62,6 +63,15 @@ class PeriodScene(Scene):
             abs(error - predicted),
             2 * _rounding(amplitude, self.g),
             f"error {error:.3e} s, of RK4's discrete motion {predicted:.3e} s; round-off of both",
+            "s",
+        )
+        leading, neglected = leading_error(amplitude, self.g), _neglected(amplitude, self.g)
+        yield Check(
+            f"{self.name}: against the elliptic integral, beyond RK4's leading terms",
+            abs(error - leading),
+            _rounding(amplitude, self.g) + neglected * abs(leading),
+            f"{exact:.15g} s by the AGM; h^4 and h^5 terms {leading:.3e} s, next terms {neglected:.1e} of those; "
+            "round-off",
             "s",
         )
 
@@ -109,12 +119,33 @@ def _mean_period(t: Array, phi: Array, w: Array, a: Array) -> float:
     return (crossings[PERIODS] - crossings[0]) / PERIODS if len(crossings) > PERIODS else nan
 
 
-@cache
 def predicted_error(amplitude: float, g: float) -> float:
     """Return the error [s] of the mean period of RK4's discrete motion."""
+    return _discrete_period(amplitude, g, SUBSTEP) - references.period(amplitude, g)
+
+
+@cache
+def _discrete_period(amplitude: float, g: float, h: float) -> float:
     t = Experiment(_stop(amplitude, g), STEP).times()
-    phi, w = discrete.motion(RK4, t, amplitude, 0.0, 0.0, g, SUBSTEP)
-    return _mean_period(np.array(t), phi, w, -g * np.sin(phi)) - references.period(amplitude, g)
+    phi, w = discrete.motion(RK4, t, amplitude, 0.0, 0.0, g, h)
+    return _mean_period(np.array(t), phi, w, -g * np.sin(phi))
+
+
+def leading_error(amplitude: float, g: float) -> float:
+    """Return the h^4 and h^5 errors [s] of RK4's mean period, from its discrete motions with h, 2h and 4h."""
+    return sum(phase_and_drift(*(_discrete_period(amplitude, g, n * SUBSTEP) for n in (1, 2, 4))))
+
+
+def _neglected(amplitude: float, g: float) -> float:
+    """Return the next terms relative to the h^4 and h^5 errors: (4*h*w0)^2, and what the drift itself changes.
+
+    At 4h the drift takes this part of the distance of the energy from that of the separatrix.
+    """
+    h = 4 * SUBSTEP
+    T = references.period(amplitude, g)
+    orbit = references.libration(np.arange(400) * T / 400, amplitude, g)
+    lost = abs(METHODS[RK4].energy_drift(h, orbit, g)) * (PERIODS + 0.8) * T
+    return h * h * g + lost / (2 * g * cos(amplitude / 2) ** 2)
 
 
 def _rounding(amplitude: float, g: float) -> float:

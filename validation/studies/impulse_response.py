@@ -44,7 +44,8 @@ class ImpulseScene(Scene):
         start |= {"L": self.L} if self.L != 1 else {}
         run = fmu.run(Experiment(self.stop, STEP, start))
         response = run["phi"] / (SMALL * w0)
-        exact, _ = references.impulse_response(run.t, self.k2, w02)
+        motion = references.impulse_response(run.t, self.k2, w02)
+        exact = motion[0]
         own, _ = references.rk4_evolution(_substeps(run), 0.0, 1.0, self.k2, w02, SUBSTEP)
         peak = largest(np.abs(exact))
         yield Check(
@@ -52,6 +53,14 @@ class ImpulseScene(Scene):
             largest(np.abs(response - own)) / peak,
             free_rounding(self.stop, SUBSTEP, w0),
             f"relative to the peak; that of RK4 {largest(np.abs(own - exact)) / peak:.2e} by R(h*A)^n; round-off",
+        )
+        (leading, _), (neglected, _) = references.rk4_error(run.t, motion, self.k2, w02, SUBSTEP)
+        yield Check(
+            f"{self.name}: against the closed form, beyond RK4's leading terms",
+            largest(np.abs(response - exact - leading)) / peak,
+            SAFETY * largest(np.abs(neglected)) / peak + free_rounding(self.stop, SUBSTEP, w0),
+            f"relative to the peak; -t*h^4*A^5/120 + t*h^5*A^6/144 is {largest(np.abs(leading)) / peak:.2e}, "
+            f"{SAFETY} x the next term, t*h^6*A^7/336, and round-off",
         )
         if self.k2 == 0.002:
             yield from _misprint(run, response, peak)
@@ -83,18 +92,31 @@ class PulseScene(Scene):
         peak = largest(np.abs(exact))
         # A step of the drive is a free evolution about its deflection; the pulse is one less a later one.
         deflection = 1 / (self.width * W02)
-        own = np.zeros_like(run.t)
+        own, leading, neglected = np.zeros((3, len(run.t)))
         for begin, sign in ((0, 1), (round(self.width / SUBSTEP), -1)):
             steps = np.maximum(_substeps(run) - begin, 0)
-            own += sign * (
-                deflection + references.rk4_evolution(steps, -deflection, 0.0, self.k2, W02, SUBSTEP)[0]
-            )
+            swing, _ = references.rk4_evolution(steps, -deflection, 0.0, self.k2, W02, SUBSTEP)
+            own += sign * (deflection + swing)
+            t = SUBSTEP * steps
+            motion = references.free_evolution(t, -sign * deflection, 0.0, self.k2, W02)
+            (error, _), (next_term, _) = references.rk4_error(t, motion, self.k2, W02, SUBSTEP)
+            leading += error
+            neglected += np.abs(next_term)
         yield Check(
             f"{self.name}: error beyond that of RK4",
             largest(np.abs(run["phi"] / (SMALL * W0) - own)) / peak,
             free_rounding(self.stop, SUBSTEP) + 4 * UNIT * deflection / peak,
             f"relative to the peak; that of RK4 {largest(np.abs(own - exact)) / peak:.2e} by R(h*A)^n about the "
             f"deflection under the torque; round-off, also of that deflection, {deflection / peak:.2g} of the peak",
+        )
+        yield Check(
+            f"{self.name}: against the closed form, beyond RK4's leading terms",
+            largest(np.abs(run["phi"] / (SMALL * W0) - exact - leading)) / peak,
+            SAFETY * largest(neglected) / peak
+            + free_rounding(self.stop, SUBSTEP)
+            + 4 * UNIT * deflection / peak,
+            f"relative to the peak; -t*h^4*A^5/120 + t*h^5*A^6/144 is {largest(np.abs(leading)) / peak:.2e}, "
+            f"{SAFETY} x the next term, t*h^6*A^7/336, and round-off as before",
         )
 
 

@@ -13,7 +13,7 @@ from scipy.special import ellipj, ellipk
 from .. import references
 from ..checks import Check, Curve, Plot, Result, formula
 from ..fmu import W0, W02, Experiment, Fmu, Run, SolverMethod, swing
-from ..metrics import ROUNDING, SIGMAS, Array, state_error
+from ..metrics import ROUNDING, SIGMAS, Array, phase_and_drift, state_error
 from ..references import discrete
 from .scene import Scene
 
@@ -32,8 +32,9 @@ SEPARATRIX = 2 * W0  # rate [rad/s] at the lowest point that ends in the upright
 class MotionScene(Scene):
     """A start, angle [rad] and rate [rad/s], and how long to follow it [s].
 
-    What is judged is what RK4's discrete motion leaves unexplained. `substep` [s] is such that RK4's own error stands
-    above rounding.
+    What is judged is what RK4's discrete motion leaves unexplained, and what RK4's leading terms do. `substep` [s] is
+    such that RK4's own error stands above rounding, and yet, near the separatrix, changes the energy by little against
+    its distance from that of the separatrix.
     """
 
     TITLE = "{0.title}"
@@ -45,16 +46,27 @@ class MotionScene(Scene):
     substep: float = 0.005
 
     def run(self, fmu: Fmu) -> Iterator[Result]:
-        """Yield the error of the state and, where it shows, the order."""
-        run = _simulate(fmu, self, self.substep)
+        """Yield the error of the state."""
+        run = _simulate(fmu, self)
         exact = references.motion(run.t, self.phi0, self.rate0, W02)
         own = discrete_motion(self)
+        rounding = _rounding(self, exact, run.t)
         yield Check(
             f"{self.name}: error beyond that of RK4",
             state_error(run["phi"], run["w"], own),
-            2 * _rounding(self, exact, run.t),
+            2 * rounding,
             f"against RK4's discrete motion, {state_error(*own, exact):.2e} rad off the elliptic functions; round-off "
             "of both, as it moves the exact motion",
+            "rad",
+        )
+        phi, w, neglected = leading_errors(self)
+        leading = state_error(phi, w, (np.zeros_like(phi), np.zeros_like(w)))
+        yield Check(
+            f"{self.name}: against elliptic functions, beyond RK4's leading terms",
+            state_error(run["phi"] - phi, run["w"] - w, exact),
+            rounding + neglected * leading,
+            f"h^4 and h^5 terms {leading:.2e} rad, next terms {neglected:.1e} of those; round-off as it moves the "
+            "exact motion",
             "rad",
         )
         if self.name in PICTURES:
@@ -144,16 +156,35 @@ SCENES = (
 )
 
 
-def _simulate(fmu: Fmu, scene: MotionScene, substep: float) -> Run:
-    start = swing(scene.phi0, substep) | ({"w_start": scene.rate0} if scene.rate0 else {})
+def _simulate(fmu: Fmu, scene: MotionScene) -> Run:
+    start = swing(scene.phi0, scene.substep) | ({"w_start": scene.rate0} if scene.rate0 else {})
     return fmu.run(Experiment(scene.stop, STEP, start, record=("phi", "w")))
 
 
 @cache
-def discrete_motion(scene: MotionScene) -> references.State:
-    """Return phi [rad] and w [rad/s] of RK4's discrete motion at the communication points."""
+def discrete_motion(scene: MotionScene, n: int = 1) -> references.State:
+    """Return phi [rad] and w [rad/s] of RK4's discrete motion, substeps n times as long, at communication points."""
     t = Experiment(scene.stop, STEP).times()
-    return discrete.motion(RK4, t, scene.phi0, scene.rate0, 0.0, W02, scene.substep)
+    return discrete.motion(RK4, t, scene.phi0, scene.rate0, 0.0, W02, n * scene.substep)
+
+
+@cache
+def leading_errors(scene: MotionScene) -> tuple[Array, Array, float]:
+    """Return the h^4 and h^5 errors of phi [rad] and w [rad/s], and the next terms relative to them.
+
+    From the discrete motion with h, 2h and 4h. The next terms are (4*h*rate)^2, and what the change of the energy at 4h
+    does near the upright position: at a distance d [rad] from it an energy w02*d^2/2 separates swing and rotation.
+    """
+    runs = [discrete_motion(scene, n) for n in (1, 2, 4)]
+    phi, w = (sum(phase_and_drift(*column)) for column in zip(*runs, strict=True))
+    t = np.array(Experiment(scene.stop, STEP).times())
+    exact = references.motion(t, scene.phi0, scene.rate0, W02)
+    fastest = float(np.hypot(W0, np.max(np.abs(exact[1]))))
+    energy = runs[2][1] ** 2 / 2 + 2 * W02 * np.sin(runs[2][0] / 2) ** 2
+    distance = np.hypot(np.remainder(exact[0], 2 * pi) - pi, exact[1] / W0)
+    nearest = np.minimum.accumulate(distance[::-1])[::-1]  # from now on
+    moved = float(np.max(np.abs(energy - energy[0]) / (W02 * nearest**2 / 2)))
+    return phi, w, (4 * scene.substep * fastest) ** 2 + moved
 
 
 def _rounding(scene: MotionScene, exact: references.State, t: Array) -> float:
