@@ -17,7 +17,6 @@ from validation.command import INTERRUPTED, Parser
 from validation.fmu import Experiment, Fmu
 
 ROOT = Path(__file__).resolve().parent.parent
-QUICK = ("impulse_response", "--no-faults", "--no-plots")
 
 
 def command(
@@ -118,20 +117,22 @@ def test_a_damaged_fmu_is_refused_and_leaves_nothing_behind(
     assert list(temporary.iterdir()) == []
 
 
+def shortest(module: str, folder: Path) -> list[str]:
+    """Return what makes the shortest run of a command."""
+    return ["errata", "--no-faults", "--output", str(folder / "report")] if module == "validation" else []
+
+
 @on_linux
 @pytest.mark.parametrize("module", ["validation", "validation.quickstart"])
 def test_a_full_disk_is_one_line_and_leaves_nothing_behind(
     fmu_path: Path, tmp_path: Path, temporary: Path, module: str
 ) -> None:
-    options = (
-        ["errata", "--no-faults", "--output", str(tmp_path / "report")] if module == "validation" else []
-    )
     limited = (
         "import resource, runpy, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); "
         "runpy.run_module(sys.argv.pop(1), run_name='__main__')"
     )
     result = subprocess.run(
-        [sys.executable, "-c", limited, module, *options, "--fmu", fmu_path],
+        [sys.executable, "-c", limited, module, *shortest(module, tmp_path), "--fmu", fmu_path],
         capture_output=True,
         text=True,
         cwd=ROOT,
@@ -166,11 +167,8 @@ def test_an_output_that_cannot_be_written_is_one_line_and_status_2(fmu_path: Pat
 def test_a_reader_that_has_seen_enough_is_no_error(
     fmu_path: Path, tmp_path: Path, temporary: Path, module: str
 ) -> None:
-    options = (
-        ["errata", "--no-faults", "--output", str(tmp_path / "report")] if module == "validation" else []
-    )
     started = subprocess.Popen(
-        [sys.executable, "-m", module, *options, "--fmu", str(fmu_path)],
+        [sys.executable, "-m", module, *shortest(module, tmp_path), "--fmu", fmu_path],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd=ROOT,

@@ -120,6 +120,17 @@ def test_implicit_stages_solve_their_equation() -> None:
     assert w[-1] == pytest.approx(0.5 + h * (0.7 - 0.3 * w[-1] - W02 * sin(phi[-1])), rel=1e-14, abs=0)
 
 
+def test_rk4_error_of_a_linear_motion_is_that_of_its_discrete_motion() -> None:
+    h, stop, k2 = 0.02, 5.0, 0.5
+    phi, _ = discrete.motion("ExplicitRungeKutta4", [0.0, stop], 1e-9, 0.0, k2, W02, h)
+    exact = references.free_evolution(stop, 1.0, 0.0, k2, W02)
+    (error, _), (neglected, _) = references.rk4_error(stop, exact, k2, W02, h)
+    measured = phi[-1] * 1e9 - float(exact[0])
+    # The next term is a relative h*w0 = 0.06 of the last, and the error itself squared is below it.
+    assert abs(measured - float(error)) <= 2 * abs(float(neglected)) + 1e-14
+    assert abs(measured) > 10 * abs(float(neglected))
+
+
 @pytest.mark.parametrize(
     "name", ["ExplicitEuler", "ImplicitEuler", "ExplicitMidPoint2", "ExplicitRungeKutta4"]
 )

@@ -57,11 +57,11 @@ class PeriodScene(Scene):
         amplitude = radians(self.amplitude)
         exact = references.period(amplitude, self.g)
         error = measured_period(fmu, amplitude, self.g, SUBSTEP) - exact
-        predicted = predicted_error(amplitude, self.g)
+        predicted, rounding = predicted_error(amplitude, self.g), _rounding(amplitude, self.g)
         yield Check(
             f"{self.name}: error beyond that of RK4",
             abs(error - predicted),
-            2 * _rounding(amplitude, self.g),
+            2 * rounding,
             f"error {error:.3e} s, of RK4's discrete motion {predicted:.3e} s; round-off of both",
             "s",
         )
@@ -69,7 +69,7 @@ class PeriodScene(Scene):
         yield Check(
             f"{self.name}: against the elliptic integral, beyond RK4's leading terms",
             abs(error - leading),
-            _rounding(amplitude, self.g) + neglected * abs(leading),
+            rounding + neglected * abs(leading),
             f"{exact:.15g} s by the AGM; h^4 and h^5 terms {leading:.3e} s, next terms {neglected:.1e} of those; "
             "round-off",
             "s",

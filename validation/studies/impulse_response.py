@@ -47,18 +47,18 @@ class ImpulseScene(Scene):
         motion = references.impulse_response(run.t, self.k2, w02)
         exact = motion[0]
         own, _ = references.rk4_evolution(_substeps(run), 0.0, 1.0, self.k2, w02, SUBSTEP)
-        peak = largest(np.abs(exact))
+        peak, rounding = largest(np.abs(exact)), free_rounding(self.stop, SUBSTEP, w0)
         yield Check(
             f"{self.name}: error beyond that of RK4",
             largest(np.abs(response - own)) / peak,
-            free_rounding(self.stop, SUBSTEP, w0),
+            rounding,
             f"relative to the peak; that of RK4 {largest(np.abs(own - exact)) / peak:.2e} by R(h*A)^n; round-off",
         )
         (leading, _), (neglected, _) = references.rk4_error(run.t, motion, self.k2, w02, SUBSTEP)
         yield Check(
             f"{self.name}: against the closed form, beyond RK4's leading terms",
             largest(np.abs(response - exact - leading)) / peak,
-            SAFETY * largest(np.abs(neglected)) / peak + free_rounding(self.stop, SUBSTEP, w0),
+            SAFETY * largest(np.abs(neglected)) / peak + rounding,
             f"relative to the peak; -t*h^4*A^5/120 + t*h^5*A^6/144 is {largest(np.abs(leading)) / peak:.2e}, "
             f"{SAFETY} x the next term, t*h^6*A^7/336, and round-off",
         )
@@ -102,19 +102,19 @@ class PulseScene(Scene):
             (error, _), (next_term, _) = references.rk4_error(t, motion, self.k2, W02, SUBSTEP)
             leading += error
             neglected += np.abs(next_term)
+        response = run["phi"] / (SMALL * W0)
+        rounding = free_rounding(self.stop, SUBSTEP) + 4 * UNIT * deflection / peak
         yield Check(
             f"{self.name}: error beyond that of RK4",
-            largest(np.abs(run["phi"] / (SMALL * W0) - own)) / peak,
-            free_rounding(self.stop, SUBSTEP) + 4 * UNIT * deflection / peak,
+            largest(np.abs(response - own)) / peak,
+            rounding,
             f"relative to the peak; that of RK4 {largest(np.abs(own - exact)) / peak:.2e} by R(h*A)^n about the "
             f"deflection under the torque; round-off, also of that deflection, {deflection / peak:.2g} of the peak",
         )
         yield Check(
             f"{self.name}: against the closed form, beyond RK4's leading terms",
-            largest(np.abs(run["phi"] / (SMALL * W0) - exact - leading)) / peak,
-            SAFETY * largest(neglected) / peak
-            + free_rounding(self.stop, SUBSTEP)
-            + 4 * UNIT * deflection / peak,
+            largest(np.abs(response - exact - leading)) / peak,
+            SAFETY * largest(neglected) / peak + rounding,
             f"relative to the peak; -t*h^4*A^5/120 + t*h^5*A^6/144 is {largest(np.abs(leading)) / peak:.2e}, "
             f"{SAFETY} x the next term, t*h^6*A^7/336, and round-off as before",
         )
